@@ -41,8 +41,8 @@ set(PALPATE_BOUNDARIES
   "device_node/monitor:common/core,common/session/device_config.h,common/session/device_profile.h"
   # the friction of a device, measured without a hand
   "device_node/identification:common/core,common/session/device_profile.h,device_node/device.h"
-  # what drivers are checked for: the interface of a device and nothing else
-  "device_node/conformance:common/core,device_node/device.h,@log"
+  # what drivers are checked for: the interface of a device, and the check that enables one
+  "device_node/conformance:common/core,common/session/device_profile.h,device_node/device.h,device_node/motor_check.h,@log"
   "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h,device_node/reading_observer.h"
   # simulation ← drivers, one folder a driver; they wait while they open a device, never in the tick
   "device_node/drivers:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers/*,@threads"

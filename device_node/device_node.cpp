@@ -14,12 +14,6 @@ namespace {
 /// So many switches in a row, each of which took longer than an answer may: the device is slow.
 constexpr int kSlowSwitches = 5;
 
-/// A lost connection, while the motors may still push: an attempt may take so long, each so often.
-constexpr Duration kReopenWithin = std::chrono::milliseconds(100);
-constexpr Duration kReopenEvery = std::chrono::milliseconds(500);
-/// After a person asked for it.
-constexpr Duration kResetWithin = std::chrono::milliseconds(500);
-
 bool is_finite(const DeviceSample& sample) {
   return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite() &&
          sample.applied_force_newton.allFinite();
@@ -87,10 +81,18 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       monitor_(config, {.are_by_themselves = device.specification().has_motor_watchdog,
                         .reach_m = 2.0 * device.specification().workspace_half_extent_m.norm()}),
       watch_(config),
+      frozen_(config),
+      motor_check_({.rate_hz = config.rate_hz,
+                    .profile = config.profile,
+                    .force_axes = device.specification().force_axes,
+                    .limit_newton = std::min(config.peak_force_newton,
+                                             largest_force_newton(config, device.specification())),
+                    .latency = config.latency}),
       applied_(device.specification().has_motor_watchdog),
       rounding_m_(std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
                                             device.specification().position_resolution_m)),
-      is_acknowledged_(device.specification().is_simulated) {}
+      is_acknowledged_(device.specification().is_simulated),
+      must_check_motors_(has_motor_check()) {}
 
 void DeviceNode::step(const Tick& tick) noexcept {
   count_appointment(tick);
@@ -144,7 +146,15 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
 
   // wait: hop 4
   const TimePoint deadline = sample.sampled_at + config_.reply;
-  const bool has_consent = may_push(sample);
+  if (!device_.specification().is_simulated &&
+      !frozen_.read(sample.sampled_at, sample.hand_position_m, counted_force_newton_)) {
+    return FaultReason::kPositionFrozen;
+  }
+  const bool may_push_now = may_push(sample);
+  if (must_check_motors_ && may_push_now) return check_motors(sample, deadline, record);
+  if (must_check_motors_) motor_check_.begin();
+  const bool has_consent = may_push_now && !frozen_.is_frozen();
+  if (frozen_.is_frozen()) ++counters_.frozen_ticks;
   if (!has_consent && applied_.lease_end() != TimePoint::max()) {
     // whatever acts ends now, and what follows starts limp
     guard_.reset();
@@ -211,7 +221,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
 
 /// What the monitor lets through of a force.
 GuardedForce DeviceNode::monitored(const GuardedForce& guarded, DeviceTick& record) noexcept {
-  if (!config_.monitor.is_on) return guarded;
+  if (!config_.monitor.is_on || is_pushing_) return guarded;
   const ForceMonitor::Covered covered = monitor_.cover(guarded.force_on_hand_newton, guarded.lease);
   if (!covered.is_reduced) return guarded;
   GuardedForce less = guarded;
@@ -286,20 +296,6 @@ FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept 
     monitor_.ended(latched.hand_position_m);
   }
   return judge(sample);
-}
-
-/// Whether a person has acknowledged the device, and holds the dead-man button, if there is one. A
-/// press of it acknowledges: one that began while no force could act.
-bool DeviceNode::may_push(const DeviceSample& sample) noexcept {
-  const auto& button = config_.dead_man_button;
-  if (!button) return is_acknowledged_;
-  if (((sample.buttons >> *button) & 1U) != 0) {
-    is_acknowledged_ = is_acknowledged_ || was_let_go_;
-    return is_acknowledged_;
-  }
-  was_let_go_ = true;
-  ++counters_.dead_man_ticks;
-  return false;
 }
 
 void DeviceNode::count_appointment(const Tick& tick) noexcept {
@@ -412,76 +408,6 @@ void DeviceNode::count_force(const Vector3& force_newton) noexcept {
   counters_.largest_jump_newton =
       std::max(counters_.largest_jump_newton, (force_newton - counted_force_newton_).norm());
   counted_force_newton_ = force_newton;
-}
-
-/// The record shows the last finite reading, even one that was judged impossible.
-void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
-  fault_ = reason;
-  is_acknowledged_ = false;
-  was_let_go_ = false;
-  counters_.last_fault = reason;
-  ++counters_.device_faults;
-  record_acted(record);
-  release_motors();
-  record.switched_at = clock_.now();
-  record.guard = GuardState::kFault;
-  record_last_reading(record);
-  notify_observer(record);
-}
-
-DevicePhase DeviceNode::phase() const noexcept {
-  if (has_fault()) return DevicePhase::kFaulted;
-  const DevicePhase reached = device_.phase();
-  return reached == DevicePhase::kCalibrated && is_acknowledged_ ? DevicePhase::kEnabled : reached;
-}
-
-void DeviceNode::acknowledge() noexcept {
-  // a device that waits for its calibration takes it, and needs one more
-  if (device_.phase() == DevicePhase::kConnected) {
-    static_cast<void>(device_.calibrate());
-    if (has_fault()) static_cast<void>(clear_fault());
-    return;
-  }
-  if (has_fault() && !(device_.reopen(kResetWithin) && clear_fault())) return;
-  is_acknowledged_ = device_.phase() == DevicePhase::kCalibrated;
-}
-
-bool DeviceNode::clear_fault() noexcept {
-  if (!release_once()) return false;
-  fault_ = FaultReason::kNone;
-  has_reading_ = false;
-  // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
-  // gap
-  applied_ = AppliedForces(device_.specification().has_motor_watchdog);
-  monitor_.lost();
-  ++counters_.fault_resets;
-  return true;
-}
-
-void DeviceNode::release_motors() noexcept {
-  static_cast<void>(release_once());
-  guard_.reset();
-}
-
-/// A force that the device did not confirm as ended goes on, in the accounts too.
-bool DeviceNode::release_once() noexcept {
-  is_released_ = device_.release();
-  if (is_released_ && applied_.has_begun()) {
-    const TimePoint now = clock_.now();
-    applied_.released(now);
-    monitor_.released(now);
-  }
-  return is_released_;
-}
-
-/// In a latched fault, until the device confirms it.
-void DeviceNode::release_again() noexcept {
-  const TimePoint now = clock_.now();
-  if (device_.phase() == DevicePhase::kClosed && now >= reopens_at_) {
-    reopens_at_ = now + kReopenEvery;
-    static_cast<void>(device_.reopen(kReopenWithin));
-  }
-  static_cast<void>(release_once());
 }
 
 DeviceCounters DeviceNode::counters() const noexcept {

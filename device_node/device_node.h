@@ -21,7 +21,9 @@
 // the force at once. A fault is latched: the motors are released, in every tick until the device
 // confirms it, and nothing is sent. The node keeps reading and leaves records until acknowledge().
 // A real device gives no force before a person has acknowledged it, after the start and after each
-// fault; while it is not calibrated, nothing is sent either. Thread: everything runs on the
+// fault, and before motor_check.h has pushed it a little and seen that it gives way; while it is
+// not calibrated, nothing is sent either. Readings of a real device that stand still although a
+// force acts end the force until they differ: frozen_watch.h. Thread: everything runs on the
 // caller's thread. step() does not allocate, lock, log or throw; it waits up to `reply` for the
 // answer. Only where a fault has cost the connection to motors that have not confirmed their
 // release, step() opens it again, twice a second, which may allocate.
@@ -43,6 +45,8 @@
 #include "device_node/force_guard.h"
 #include "device_node/monitor/assumption_watch.h"
 #include "device_node/monitor/force_monitor.h"
+#include "device_node/monitor/frozen_watch.h"
+#include "device_node/motor_check.h"
 #include "device_node/reading_observer.h"
 
 namespace palpate::device {
@@ -88,7 +92,8 @@ class DeviceNode {
   /// the motors confirm their release; a device that is not calibrated takes its calibration, which
   /// the person has made possible (DeviceSpecification::calibration); a calibrated one is enabled.
   /// The next step() takes the device from where it is, with a limp start. Where a fault leaves the
-  /// device calibrated, and where it is simulated, the same call enables it.
+  /// device calibrated, and where it is simulated, the same call enables it. A real device whose
+  /// force may exceed f_co has its motors checked first, in the following ticks: kChecking.
   void acknowledge() noexcept;
 
   /// The machine slept for so long, which the clock did not count: a fault of the next step().
@@ -109,7 +114,10 @@ class DeviceNode {
   [[nodiscard]] GuardedForce monitored(const GuardedForce& guarded, DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason withdraw_late_answer(DeviceTick& record) noexcept;
   [[nodiscard]] bool may_push(const DeviceSample& sample) noexcept;
+  [[nodiscard]] FaultReason check_motors(const DeviceSample& sample, TimePoint deadline,
+                                         DeviceTick& record) noexcept;
   [[nodiscard]] bool clear_fault() noexcept;
+  [[nodiscard]] bool has_motor_check() const noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
   [[nodiscard]] FaultReason judge_with_latched(const DeviceSample& sample) noexcept;
@@ -141,6 +149,8 @@ class DeviceNode {
   ForceGuard guard_;
   ForceMonitor monitor_;
   AssumptionWatch watch_;
+  FrozenWatch frozen_;
+  MotorCheck motor_check_;
   AppliedForces applied_;
   double rounding_m_;    // largest error of the distance of two readings
   DeviceState state_{};  // of this tick; kilobytes, so it is not made anew
@@ -155,6 +165,8 @@ class DeviceNode {
   bool has_reading_ = false;                 // since the start or the last reset
   bool is_acknowledged_;                     // by a person, since the start or the last fault
   bool was_let_go_ = false;                  // the dead-man button, since then
+  bool must_check_motors_;                   // before a force, since the start or the last fault
+  bool is_pushing_ = false;                  // the check's own force, which is not covered
   bool is_released_ = true;                  // the device confirmed the last release
   Duration slept_{};                         // since the last step
   TimePoint reopens_at_{};                   // next attempt to reach a lost device

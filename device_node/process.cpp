@@ -168,6 +168,10 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                      no_watchdog_text(config.accepts_no_motor_watchdog));
   }
 
+  if (config.skips_motor_check && !device->specification().is_simulated) {
+    context.log.warn("event=motor_check_skipped: nothing notices motors of a wrong sign or gain");
+  }
+
   Inbox<ForceCommand> force_in(exchange.commands, context.clock, session.faults.force_command,
                                stream_seed(session, session.side(), "force_command"));
 

@@ -16,7 +16,8 @@ namespace palpate {
 
 /// What the motors may do.
 enum class GuardState : std::uint8_t {
-  kLimp = 0,      ///< zero force: no command yet, or silence longer than limp_after + fade
+  kLimp = 0,      ///< zero force: no command yet, or silence longer than limp_after + fade; a
+                  ///< small push while the motors are checked
   kAnswered = 1,  ///< the command that answers this tick
   kLeased = 2,    ///< the previous command, within its lease
   kFallback = 3,  ///< at most the device's own Coulomb friction
@@ -33,6 +34,7 @@ enum class DevicePhase : std::uint8_t {
   kCalibrated = 3,  ///< its positions are true; a person has not acknowledged that: no force
   kEnabled = 4,     ///< forces act
   kFaulted = 5,     ///< a fault is latched: motors released
+  kChecking = 6,    ///< acknowledged: the motors push a little, to see whether they do it right
 };
 [[nodiscard]] const char* name(DevicePhase phase);
 
@@ -48,6 +50,10 @@ enum class FaultReason : std::uint8_t {
   kDeviceCorrupt = 7,     ///< the answer broke the rules of the device's wire
   kDeviceNotReady = 8,    ///< it lost its supply or its calibration
   kSuspended = 9,         ///< the machine slept: what acted meanwhile is not known
+  kPositionFrozen = 10,   ///< readings repeated exactly while the hand moved, or was pushed
+  kMotorsWrongWay = 11,   ///< the check of the motors: reversed, or along another axis
+  kMotorsTooStrong = 12,  ///< the check of the motors: at least 1.5 times as strong as told
+  kMotorsNotSeen = 13,    ///< the check of the motors: the readings do not follow the push
 };
 [[nodiscard]] const char* name(FaultReason reason);
 
@@ -118,11 +124,15 @@ struct DeviceCounters {
   /// Friction found by the hands-off check, as a share of the session's profile: 1 where the
   /// profile holds, less where it was lowered; 0: no check.
   double checked_friction_ratio = 0.0;
+  /// By the check of the motors: as strong as told, times this, at least; 0: not known.
+  double checked_motor_gain = 0.0;
   /// The motors do not end a force by themselves: while this process is stopped the force goes on,
   /// and the guarantee is not available.
   bool has_no_motor_watchdog = false;
   bool accepts_no_motor_watchdog = false;  ///< by the session: forces above f_co all the same
   std::uint64_t dead_man_ticks = 0;  ///< without force because the dead-man button was not held
+  /// Without force because the readings stood still although it pushed.
+  std::uint64_t frozen_ticks = 0;
   DevicePhase phase = DevicePhase::kUnknown;
   /// The device has not confirmed the last release: its motors may still push.
   bool is_release_unconfirmed = false;

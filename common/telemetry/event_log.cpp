@@ -55,6 +55,7 @@ EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
       monitor_reductions_(log, spdlog::level::err, "monitor_reduced"),
       too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
       coarse_readings_(log, spdlog::level::warn, "encoder_coarser_than_profile"),
+      frozen_(log, spdlog::level::warn, "position_stands_still"),
       overruns_(log, spdlog::level::warn, "ticks_skipped"),
       fallback_(log, "fallback") {}
 
@@ -85,6 +86,14 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   monitor_reductions_.note(counters.monitor_reductions, now);
   too_fast_.note(counters.too_fast_readings, now);
   coarse_readings_.note(counters.coarse_readings, now);
+  frozen_.note(counters.frozen_ticks, now);
+  if (counters.checked_motor_gain != motor_gain_) {
+    motor_gain_ = counters.checked_motor_gain;
+    if (motor_gain_ > 0.0) {
+      log_.info("event=motor_gain at_least={:.2f}: of what the session says, by its friction",
+                motor_gain_);
+    }
+  }
   overruns_.note(counters.loop.skipped_ticks, now);
 
   // before the first answer, limp is the initial state; after it, the end of a fallback
@@ -106,6 +115,10 @@ void EventLog<DeviceCounters>::note_phase(DevicePhase phase) {
     log_.warn(
         "event=device_phase phase=calibrated remedy=\"no force yet: make sure that the handle is "
         "free, then send SIGUSR2 to device_node, or press the session's dead-man button\"");
+  } else if (phase == DevicePhase::kChecking) {
+    log_.warn(
+        "event=device_phase phase=checking remedy=\"the motors push a little to and fro, along one "
+        "axis after the other: let the handle hang, or hold it loosely and still\"");
   } else if (phase == DevicePhase::kEnabled && !is_first) {
     log_.info("event=device_phase phase=enabled");
   }

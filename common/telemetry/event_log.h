@@ -79,6 +79,8 @@ class EventLog<DeviceCounters> {
   GrowthEvent monitor_reductions_;
   GrowthEvent too_fast_;
   GrowthEvent coarse_readings_;
+  GrowthEvent frozen_;
+  double motor_gain_ = 0.0;
   GrowthEvent overruns_;
   EpisodeEvent fallback_;
   bool was_answered_ = false;

@@ -35,6 +35,8 @@ const char* name(DevicePhase phase) {
       return "enabled";
     case DevicePhase::kFaulted:
       return "faulted";
+    case DevicePhase::kChecking:
+      return "checking";
   }
   return "?";
 }
@@ -61,6 +63,14 @@ const char* name(FaultReason reason) {
       return "device not ready";
     case FaultReason::kSuspended:
       return "machine suspended";
+    case FaultReason::kPositionFrozen:
+      return "position frozen";
+    case FaultReason::kMotorsWrongWay:
+      return "motors push the wrong way";
+    case FaultReason::kMotorsTooStrong:
+      return "motors too strong";
+    case FaultReason::kMotorsNotSeen:
+      return "motors not seen to push";
   }
   return "?";
 }

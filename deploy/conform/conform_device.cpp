@@ -15,8 +15,10 @@ std::vector<ConformFinding> conform_device(const Session& session,
       {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed},
        .driver = session.side().driver});
   SteadyClock steady(session.side().realtime.wait);
+  ConformDeviceOptions with_profile = options;
+  with_profile.profile = session.side().device.profile;
   return conform_device(drivers.at(driver_name(session.side().driver)),
-                        from_seconds(1.0 / session.side().device.rate_hz), steady, options);
+                        from_seconds(1.0 / session.side().device.rate_hz), steady, with_profile);
 }
 
 std::vector<ConformFinding> conform_device(const Driver& driver, Duration period, Clock& steady,
@@ -39,7 +41,8 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
                           "send SIGUSR2: it moves by itself.");
   }
 
-  OpenedDevice bench(*device, clock, period, driver.is_simulated ? Duration{} : period);
+  OpenedDevice bench(*device, clock, period, driver.is_simulated ? Duration{} : period,
+                     options.profile);
   std::vector<ConformFinding> findings;
   for (const DeviceCheck& check : device_checks()) {
     const CheckOutcome outcome = check.run(bench);

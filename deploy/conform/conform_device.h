@@ -2,6 +2,7 @@
 // conform_device.h — does a device keep what device_node and the hand rely on?
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "common/core/clock.h"
@@ -18,6 +19,8 @@ struct ConformDeviceOptions {
   /// Of hardware: prompts the person at the device and tells whether the last prompt was
   /// acknowledged.
   device::StartUp start_up = {};
+  /// What the session claims of the device; none: no gain is judged.
+  std::optional<DeviceProfile> profile = {};
 };
 
 /// Opens the device of the session's first side, as device_node does, and runs device_checks(): a

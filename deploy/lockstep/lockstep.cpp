@@ -88,6 +88,7 @@ class CutSender final : public Sender<T> {
 /// Side::device, after the hands-off check if the session has one.
 DeviceConfig checked_config(const Side& side, std::uint64_t seed, double& ratio) {
   DeviceConfig config = side.device;
+  config.skips_motor_check = true;  // nobody stands at a device on virtual time
   if (!config.has_hands_off_check) return config;
   ManualClock clock;
   device::SimulatedDevice let_go(side.simulated, device::nobody(), clock, seed);

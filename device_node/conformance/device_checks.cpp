@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "device_node/conformance/check_outcome.h"
+#include "device_node/conformance/motors_check.h"
 
 namespace palpate::device {
 namespace {
@@ -455,6 +456,11 @@ constexpr std::array kChecks{
                 "give positions and forces in one frame, D of common/core/messages.h; mind the "
                 "signs and the order of the axes",
                 check_direction},
+    DeviceCheck{
+        "motors",
+        "mind signs, axes and gains of the motors: device_node enables no real device whose "
+        "positions do not follow a small push",
+        check_motors},
     DeviceCheck{"force", "convert to newtons at the tool tip", check_force},
     DeviceCheck{"applied",
                 "give applied_force_newton of a switch, as the motors limit and quantise it",

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/core/clock.h"
+#include "common/session/device_profile.h"
 #include "device_node/device.h"
 
 namespace palpate::device {
@@ -29,6 +30,10 @@ class DeviceBench {
   [[nodiscard]] virtual Duration period() const = 0;
   /// What the motors do now [N], D; none: not observable.
   [[nodiscard]] virtual std::optional<Vector3> motor_force_newton() = 0;
+  /// Friction and resolution that the session claims; the default claims none.
+  [[nodiscard]] virtual DeviceProfile profile() const {
+    return {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 0.0};
+  }
   /// Allocations of this thread so far; none: not counted.
   [[nodiscard]] virtual std::optional<std::uint64_t> allocations() const { return std::nullopt; }
 };
@@ -36,14 +41,20 @@ class DeviceBench {
 /// A device on the clock that it was opened with. Both must outlive it.
 class OpenedDevice : public DeviceBench {
  public:
-  OpenedDevice(HapticDevice& device, Clock& clock, Duration period, Duration stamp_tolerance)
-      : device_(device), clock_(clock), period_(period), stamp_tolerance_(stamp_tolerance) {}
+  OpenedDevice(HapticDevice& device, Clock& clock, Duration period, Duration stamp_tolerance,
+               const std::optional<DeviceProfile>& profile = {})
+      : device_(device),
+        clock_(clock),
+        period_(period),
+        stamp_tolerance_(stamp_tolerance),
+        profile_(profile.value_or(DeviceBench::profile())) {}
 
   [[nodiscard]] HapticDevice& device() override { return device_; }
   [[nodiscard]] const Clock& clock() const override { return clock_; }
   void pass(Duration time) override { clock_.sleep_until(clock_.now() + time); }
   [[nodiscard]] Duration stamp_tolerance() const override { return stamp_tolerance_; }
   [[nodiscard]] Duration period() const override { return period_; }
+  [[nodiscard]] DeviceProfile profile() const override { return profile_; }
   [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
     const auto* motors = dynamic_cast<const MotorForceSource*>(&device_);
     DeviceSample sample;
@@ -56,6 +67,7 @@ class OpenedDevice : public DeviceBench {
   Clock& clock_;
   Duration period_;
   Duration stamp_tolerance_;
+  DeviceProfile profile_;
 };
 
 enum class CheckVerdict : std::uint8_t { kGood, kNotObservable, kFailed };

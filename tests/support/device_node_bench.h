@@ -21,7 +21,7 @@ namespace palpate::test {
 using namespace std::chrono_literals;
 
 /// 1 kHz; answers within 0.5 ms, leases of 2 ms, fallback for 20 ms, fade of 50 ms, f_co 0.1 N. No
-/// monitor, because the scripted answers have no clamp.
+/// monitor, because the scripted answers have no clamp; no check of the motors.
 inline DeviceConfig device_config() {
   DeviceConfig config;
   config.reply = 500us;
@@ -29,6 +29,7 @@ inline DeviceConfig device_config() {
   config.limp_after = 20ms;
   config.fade = 50ms;
   config.monitor.is_on = false;
+  config.skips_motor_check = true;  // motor_check_test.cpp has it
   return config;
 }
 

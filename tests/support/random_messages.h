@@ -275,8 +275,10 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.checked_friction_ratio = random.uniform(0.0, 1.0);
   c.has_no_motor_watchdog = random.chance(0.5);
   c.accepts_no_motor_watchdog = random.chance(0.5);
+  c.checked_motor_gain = random.uniform();
+  c.frozen_ticks = random.below(1000);
   c.dead_man_ticks = random.bits();
-  c.phase = static_cast<DevicePhase>(random.below(6));
+  c.phase = static_cast<DevicePhase>(random.below(7));
   c.is_release_unconfirmed = random.chance(0.5);
   c.max_force_newton = random.uniform(0.0, 10.0);
   c.largest_jump_newton = random.uniform(0.0, 10.0);
@@ -712,6 +714,7 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          same(a.checked_friction_ratio, b.checked_friction_ratio) &&
          a.has_no_motor_watchdog == b.has_no_motor_watchdog &&
          a.accepts_no_motor_watchdog == b.accepts_no_motor_watchdog &&
+         a.checked_motor_gain == b.checked_motor_gain && a.frozen_ticks == b.frozen_ticks &&
          a.dead_man_ticks == b.dead_man_ticks && a.phase == b.phase &&
          a.is_release_unconfirmed == b.is_release_unconfirmed &&
          same(a.max_force_newton, b.max_force_newton) &&

@@ -165,9 +165,11 @@ void add_device(Page& page, const DeviceCounters& c) {
   page.gauge("device_accepts_no_motor_watchdog",
              "1: the session accepts forces above f_co from motors that end none by themselves.",
              "", c.accepts_no_motor_watchdog ? 1.0 : 0.0);
-  page.gauge("device_phase",
-             "1 closed, 2 connected, 3 calibrated, 4 enabled (forces act), 5 faulted; 0 unknown.",
-             "", static_cast<double>(c.phase));
+  page.gauge(
+      "device_phase",
+      "1 closed, 2 connected, 3 calibrated, 4 enabled (forces act), 5 faulted, 6 its motors are "
+      "checked; 0 unknown.",
+      "", static_cast<double>(c.phase));
   page.gauge("device_release_unconfirmed",
              "1: the device has not confirmed its last release, and may still push.", "",
              c.is_release_unconfirmed ? 1.0 : 0.0);

@@ -74,6 +74,8 @@ std::string status_line(const TelemetryMirror& mirror, TimePoint now, std::size_
     add("NO FORCE: calibrate, then SIGUSR2");
   } else if (phase == DevicePhase::kCalibrated) {
     add("NO FORCE: acknowledge by SIGUSR2");
+  } else if (phase == DevicePhase::kChecking) {
+    add("CHECKS MOTORS: hold still");
   } else {
     add(is_answered && has_mofc ? name(figures.mofc_state) : name(figures.guard));
   }

@@ -56,6 +56,8 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
   to.set_accepts_no_motor_watchdog(c.accepts_no_motor_watchdog);
   to.set_dead_man_ticks(c.dead_man_ticks);
+  to.set_checked_motor_gain(c.checked_motor_gain);
+  to.set_frozen_ticks(c.frozen_ticks);
   to.set_phase(static_cast<std::uint32_t>(c.phase));
   to.set_is_release_unconfirmed(c.is_release_unconfirmed);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
@@ -68,11 +70,12 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_loop());
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
-  verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kFaulted));
-  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kSuspended));
+  verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kChecking));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kMotorsNotSeen));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
   verdict.finite(c.checked_friction_ratio());
+  verdict.finite(c.checked_motor_gain());
   verdict.finite_or_nan(c.minimum_true_energy_joule());
 }
 DeviceCounters counters(const v1::DeviceCounters& c) {
@@ -94,9 +97,11 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .too_fast_readings = c.too_fast_readings(),
           .coarse_readings = c.coarse_readings(),
           .checked_friction_ratio = c.checked_friction_ratio(),
+          .checked_motor_gain = c.checked_motor_gain(),
           .has_no_motor_watchdog = c.has_no_motor_watchdog(),
           .accepts_no_motor_watchdog = c.accepts_no_motor_watchdog(),
           .dead_man_ticks = c.dead_man_ticks(),
+          .frozen_ticks = c.frozen_ticks(),
           .phase = static_cast<DevicePhase>(c.phase()),
           .is_release_unconfirmed = c.is_release_unconfirmed(),
           .max_force_newton = c.max_force_newton(),

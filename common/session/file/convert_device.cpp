@@ -165,6 +165,7 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
   config.monitor.is_on = device.enumerator("monitor") != v1::Device::off;
   config.accepts_no_motor_watchdog = device.enumerator("accept") == v1::Device::NO_MOTOR_WATCHDOG;
   config.latency = device.microseconds("latency_us");
+  config.skips_motor_check = device.flag("skip_motor_check");
   config.has_hands_off_check = device.flag("hands_off_check");
   if (device.has("dead_man_button")) {
     config.dead_man_button = static_cast<std::uint32_t>(device.integer("dead_man_button"));

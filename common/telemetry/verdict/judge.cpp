@@ -7,6 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/telemetry/verdict/fault_remedy.h"
+
 namespace palpate {
 namespace {
 
@@ -34,28 +36,6 @@ std::string thousands(double value) {
 
 Grade grade_above(double value, double fair, double bad) {
   return value >= bad ? Grade::kBad : value >= fair ? Grade::kFair : Grade::kGood;
-}
-
-const char* remedy_of(FaultReason reason) {
-  switch (reason) {
-    case FaultReason::kPositionJumped:
-      return "check the encoders and their cables; no hand is faster than device.v_fault_m_per_s";
-    case FaultReason::kReadFailed:
-    case FaultReason::kWriteFailed:
-    case FaultReason::kDeviceSilent:
-    case FaultReason::kDeviceGone:
-    case FaultReason::kDeviceNotReady:
-      return "check cable, supply and calibration of the device, then reset the fault (SIGUSR2 to "
-             "device_node)";
-    case FaultReason::kReadingNotFinite:
-    case FaultReason::kDeviceCorrupt:
-      return "check the driver and its connection: `palpate conform device`";
-    case FaultReason::kSuspended:
-      return "keep the machine awake while a session runs, then reset the fault (SIGUSR2)";
-    case FaultReason::kNone:
-      break;
-  }
-  return "see the log of device_node";
 }
 
 /// Builds the findings in order; a later one may refer to an earlier one as its cause.
@@ -156,7 +136,7 @@ class Judge {
     }
     if (!has_fault() && device.loop.ticks > 0 && device.max_force_newton == 0.0 &&
         (device.phase == DevicePhase::kClosed || device.phase == DevicePhase::kConnected ||
-         device.phase == DevicePhase::kCalibrated)) {
+         device.phase == DevicePhase::kCalibrated || device.phase == DevicePhase::kChecking)) {
       add({Grade::kBad, "device_not_enabled",
            fmt::format("the device gave no force: it is only {}", name(device.phase)),
            device.phase == DevicePhase::kCalibrated
@@ -169,6 +149,13 @@ class Judge {
            "no force in " + percent(without_hand) +
                " of the ticks: the dead-man button was not held",
            "hold device.dead_man_button, or leave it out of the session"});
+    }
+    if (const double frozen = ratio(device.frozen_ticks, ticks()); frozen > 0.0) {
+      add({frozen >= kFairRatio ? Grade::kFair : Grade::kGood, "position_frozen",
+           "no force in " + percent(frozen) +
+               " of the ticks: the positions stood still under a force",
+           "check the encoders; an arm at its end stop, or one that leans on something, does the "
+           "same"});
     }
     if (device.coarse_readings > 0) {
       add({Grade::kBad, "encoder_coarse",

@@ -2,7 +2,9 @@
 // The drivers of real devices and the vices of hardware: the table of docs/devices.md, and many
 // random runs of hardware with vices in memory.
 //   vices_bench            the table, as Markdown
-//   vices_bench RUNS       so many random runs within the claim, and with stalls
+//   vices_bench RUNS       so many random runs within the claim; a tenth as many with simple books
+//   (the
+//                          twin) and with stalls
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -14,6 +16,7 @@
 #include <vector>
 
 #include "common/core/random.h"
+#include "device_node/simulation/hand.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/wired/hostile_commands.h"
 #include "tests/support/wired/viced_runs.h"
@@ -28,6 +31,9 @@ using test::WiredDriver;
 
 constexpr double kFrom_s = 0.5;
 constexpr double kLength_s = 0.5;
+// Of what is there as the device is enabled: after it was opened, and until then at most.
+constexpr double kOpened_s = 1e-4;
+constexpr double kEnabled_s = 30.0;
 
 struct Vice {
   const char* name;
@@ -35,6 +41,7 @@ struct Vice {
   Duration stall{};     ///< of the process, every 50 ms
   Duration watchdog{};  ///< 0: that of the emulator
   Duration latency{};   ///< that the session names
+  enum Hold { kHostile, kStill, kNobody } hold = kHostile;
 };
 
 const std::vector<Vice>& vices() {
@@ -54,6 +61,14 @@ const std::vector<Vice>& vices() {
       {"positions stand still", {WireFault::kStuck}},
       {"counters at 0", {WireFault::kEncoderZero}},
       {"power cycle", {WireFault::kPowerCycle}},
+      {"none at the start", {}, {}, {}, {}, Vice::kStill},
+      {"none at the start, nobody holds it", {}, {}, {}, {}, Vice::kNobody},
+      {"wrong sign at the start", {WireFault::kReversed}, {}, {}, {}, Vice::kStill},
+      {"the same, nobody holds it", {WireFault::kReversed}, {}, {}, {}, Vice::kNobody},
+      {"twice as strong at the start", {WireFault::kStrong}, {}, {}, {}, Vice::kStill},
+      {"the same, nobody holds it", {WireFault::kStrong}, {}, {}, {}, Vice::kNobody},
+      {"positions stand still at the start", {WireFault::kStuck}, {}, {}, {}, Vice::kStill},
+      {"no supply at the start", {WireFault::kNoSupply}, {}, {}, {}, Vice::kStill},
       {"no supply", {WireFault::kNoSupply}},
       {"calibration lost", {WireFault::kUncalibrated}},
       {"answers doubled", {WireFault::kDoubled}},
@@ -147,8 +162,14 @@ void print_row(const Wired& wired, const Vice& vice) {
                     .stiffness_newton_per_m = 2000.0,
                     .damping_newton_s_per_m = 40.0,
                     .path = HostilePath{.radius_m = 0.012, .v_max_m_per_s = 0.25}};
+  const bool is_at_start = vice.hold != Vice::kHostile;
+  config.skips_motor_check = !is_at_start;
+  if (vice.hold == Vice::kStill) spec.side.hand.path = HoldPath{};
+  if (vice.hold == Vice::kNobody) spec.side.hand = device::nobody();
   for (const WireFault kind : vice.kinds) {
-    spec.faults.push_back({.kind = kind, .from_s = kFrom_s, .length_s = kLength_s});
+    spec.faults.push_back({.kind = kind,
+                           .from_s = is_at_start ? kOpened_s : kFrom_s,
+                           .length_s = is_at_start ? kEnabled_s : kLength_s});
   }
   test::DeviceNodeBench<Opened> bench(config, spec);
   bench.node.acknowledge();
@@ -161,7 +182,9 @@ void print_row(const Wired& wired, const Vice& vice) {
                       commands.next(state.hand_position_m));
   };
   int fault_ticks = 0;
-  for (int tick = 0; bench.clock.now() < TimePoint(1500ms); ++tick) {
+  const TimePoint end(is_at_start ? from_seconds(kEnabled_s) : Duration(1500ms));
+  for (int tick = 0; bench.clock.now() < end; ++tick) {
+    if (is_at_start && bench.node.phase() != DevicePhase::kChecking) break;
     if (vice.stall > 0ms && tick % 50 == 49) bench.clock.advance(vice.stall);
     // each release of a silent device takes a second of real time
     if (bench.node.has_fault() && ++fault_ticks > 10) bench.clock.advance(100ms);
@@ -174,14 +197,22 @@ void print_row(const Wired& wired, const Vice& vice) {
   const DeviceCounters counters = bench.node.counters();
   const bool is_fault = counters.device_faults > 0;
   std::string until = "–";
-  if (is_fault) {
+  if (is_fault && !is_at_start) {
     char text[32];
     std::snprintf(text, sizeof(text), "%.1f ms", 1e3 * to_seconds(pushed));
     until = text;
   }
+  std::string told = is_fault ? name(counters.last_fault) : "–";
+  if (is_at_start && !is_fault) {
+    char text[64];
+    std::snprintf(text, sizeof(text), "%s, gain ≥ %.2f", name(bench.node.phase()),
+                  counters.checked_motor_gain);
+    told = text;
+  }
+  if (!is_fault && counters.frozen_ticks > 0) told = "position stands still";
   std::printf("| %s | %s | %.0f | %.0f | %s | %s |\n", wired.name, vice.name,
               std::round(1e6 * bench.device.true_state().minimum_energy_joule) + 0.0,
-              1e6 * most_unbooked, until.c_str(), is_fault ? name(counters.last_fault) : "–");
+              1e6 * most_unbooked, until.c_str(), told.c_str());
   std::fflush(stdout);
 }
 
@@ -200,16 +231,18 @@ void print_table() {
 }
 
 void print_runs(const char* what, std::uint64_t runs,
-                test::VicedRun (*make_run)(std::uint64_t seed)) {
+                test::VicedRun (*make_run)(std::uint64_t seed),
+                test::Books books = test::Books::kTrue) {
   double least = 0.0;
   double unbooked = 0.0;
   for (std::uint64_t seed = 1; seed <= runs; ++seed) {
-    const test::VicedResult result = test::run_with_vices(make_run(seed), test::Books::kTrue, seed);
+    const test::VicedResult result = test::run_with_vices(make_run(seed), books, seed);
     least = std::min(least, result.least_true_joule);
     unbooked = std::max(unbooked, result.most_unbooked_joule);
   }
   std::printf("%s: %llu runs, least true energy %.3g µJ, books above it by at most %.3g µJ\n", what,
               static_cast<unsigned long long>(runs), 1e6 * least, 1e6 * unbooked);
+  std::fflush(stdout);
 }
 
 }  // namespace
@@ -228,6 +261,10 @@ int main(int argc, char** argv) {
     return 2;
   }
   palpate::bench::print_runs("within the claim", runs, palpate::test::random_run_within_the_claim);
-  palpate::bench::print_runs("with stalls", runs, palpate::test::random_run_with_stalls);
+  palpate::bench::print_runs("the same, simple books", std::max<std::uint64_t>(1, runs / 10),
+                             palpate::test::random_run_within_the_claim,
+                             palpate::test::Books::kSimple);
+  palpate::bench::print_runs("with stalls", std::max<std::uint64_t>(1, runs / 10),
+                             palpate::test::random_run_with_stalls);
   return 0;
 }

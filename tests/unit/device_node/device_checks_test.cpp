@@ -65,6 +65,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     if (is("no limit at the peak")) over_ = std::max(1.0, force.norm() / 3.3);
     if (is("wrong axis")) std::swap(sent.x(), sent.y());
     if (is("wrong sign")) sent.x() = -sent.x();
+    if (is("twice as strong")) sent *= 2.0;
     if (is("no watchdog")) lease = lease > Duration::zero() ? 10s : lease;
     if (is("lease below zero")) lease = std::max(lease, Duration(1ms));
     if (is("first lease only") && is_on_ && sent.norm() > 0.0) {
@@ -76,6 +77,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     const bool is_applied = device_.apply(sent, lease, at_switch) &&
                             (!is("a switch without a reading") || falsify(at_switch));
     if (is("more than its peak") && force.norm() > 3.4) at_switch.applied_force_newton = force;
+    if (is("twice as strong")) at_switch.applied_force_newton = force;
     if (is("a force that is not named")) at_switch.applied_force_newton.setZero();
     return is_applied;
   }
@@ -136,6 +138,7 @@ class WrongUnderTest : public DeviceBench {
   void pass(Duration time) override { parts_.time.advance(time); }
   [[nodiscard]] Duration stamp_tolerance() const override { return opened_.stamp_tolerance(); }
   [[nodiscard]] Duration period() const override { return 1ms; }
+  [[nodiscard]] DeviceProfile profile() const override { return {}; }  // that of the simulation
   std::optional<Vector3> motor_force_newton() override {
     return shows_motors_ ? opened_.motor_force_newton() : std::nullopt;
   }
@@ -181,6 +184,7 @@ TEST(DeviceChecks, NameEachFault) {
                                                     {"a switch without a reading", "switch"},
                                                     {"wrong axis", "direction"},
                                                     {"wrong sign", "direction"},
+                                                    {"twice as strong", "motors"},
                                                     {"millinewtons", "force"},
                                                     {"first lease only", "renewal"},
                                                     {"no watchdog", "lease"},
@@ -207,6 +211,9 @@ TEST(DeviceChecks, NameEachFault) {
 TEST(DeviceChecks, SeeAWrongSignAndALeaseThatDoesNotEndByTheMotionAlone) {
   EXPECT_EQ(outcomes_of("wrong sign", false)["direction"].verdict, CheckVerdict::kFailed);
   EXPECT_EQ(outcomes_of("no watchdog", false)["lease"].verdict, CheckVerdict::kFailed);
+  for (const char* fault : {"wrong sign", "wrong axis", "twice as strong"}) {
+    EXPECT_EQ(outcomes_of(fault, false)["motors"].verdict, CheckVerdict::kFailed) << fault;
+  }
 }
 
 TEST(DeviceChecks, SayWhatTheyCannotSee) {

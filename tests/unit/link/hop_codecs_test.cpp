@@ -289,10 +289,10 @@ TEST(InteractionCodec, FitsItsFrameWithEveryContactFull) {
 TEST(TelemetryCodec, RefusesUnknownStates) {
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 5); }, true);
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 6); }, false);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(9); }, true);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(10); }, false);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(5); }, true);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(6); }, false);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(13); }, true);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(14); }, false);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(6); }, true);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(7); }, false);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 4); }, true);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 5); }, false);
 }

@@ -244,8 +244,8 @@ std::string values_up_to(State last) {
 TEST(WirePage, GivesTheNumbersOfTheStates) {
   EXPECT_EQ(row("DeviceTelemetry.guard"), (Row{values_up_to(GuardState::kFault)}));
   EXPECT_EQ(row("MofcTelemetry.state"), (Row{values_up_to(MofcState::kClutched)}));
-  EXPECT_EQ(row("DeviceCounters.phase"), (Row{values_up_to(DevicePhase::kFaulted)}));
-  EXPECT_EQ(row("DeviceCounters.last_fault"), (Row{values_up_to(FaultReason::kSuspended)}));
+  EXPECT_EQ(row("DeviceCounters.phase"), (Row{values_up_to(DevicePhase::kChecking)}));
+  EXPECT_EQ(row("DeviceCounters.last_fault"), (Row{values_up_to(FaultReason::kMotorsNotSeen)}));
 }
 
 TEST(WirePage, GivesTheRolesOfEveryLink) {

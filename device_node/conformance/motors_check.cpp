@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "device_node/conformance/motors_check.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "device_node/conformance/check_outcome.h"
+#include "device_node/motor_check.h"
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kLongestPeriod = 5ms;  // of the push, which lasts 62
+
+}  // namespace
+
+CheckOutcome check_motors(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  const DeviceSpecification& specification = bench.device().specification();
+  const Duration period = std::min(bench.period(), kLongestPeriod);
+  DeviceProfile profile = bench.profile();
+  profile.position_resolution_m =
+      std::max(profile.position_resolution_m, specification.position_resolution_m);
+  MotorCheck check({.rate_hz = 1.0 / to_seconds(period),
+                    .profile = profile,
+                    .force_axes = specification.force_axes,
+                    .limit_newton = specification.continuous_force_newton / 3.0});
+  TimePoint next_at = bench.clock().now();
+  while (check.verdict() == MotorVerdict::kChecking) {
+    DeviceSample reading;
+    DeviceSample at_switch;
+    if (!bench.device().read(reading)) return failed("read() gave nothing");
+    if (!bench.device().apply(check.next(reading.sampled_at, reading.hand_position_m), 3 * period,
+                              at_switch)) {
+      return failed("apply() refused a small push");
+    }
+    check.applied(at_switch.applied_force_newton);
+    next_at += period;
+    if (next_at > bench.clock().now()) bench.pass(next_at - bench.clock().now());
+  }
+  const std::string axis = text_of(check.axis(), 1.0, "");
+  switch (check.verdict()) {
+    case MotorVerdict::kWrongWay:
+      return failed("a push along " + axis + "moves the device another way");
+    case MotorVerdict::kTooStrong:
+      return failed(fmt::format(
+          "the motors push at least {:.1f} times as hard as they are told, or there is less "
+          "friction than device.profile says",
+          check.gain_at_least()));
+    case MotorVerdict::kFrozen:
+      return not_observable("the positions stand still under a push along " + axis +
+                            "of 0.3 N: device_node would refuse to enable it");
+    case MotorVerdict::kNotSeen:
+      return not_observable("the positions do not follow a push along " + axis +
+                            ": device_node would refuse to enable it");
+    case MotorVerdict::kChecking:
+    case MotorVerdict::kGood:
+      break;
+  }
+  if (check.gain_at_least() == 0.0) return good("each axis gives way to a small push");
+  return good(fmt::format(
+      "each axis gives way to a small push; by the friction of the profile the motors push at "
+      "least {:.2f} times as hard as they are told",
+      check.gain_at_least()));
+}
+
+}  // namespace palpate::device

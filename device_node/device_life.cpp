@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// A device's way to a force and back: acknowledgement, check of the motors, faults, release.
+#include <algorithm>
+#include <chrono>
+
+#include "device_node/device_node.h"
+
+namespace palpate::device {
+namespace {
+
+/// A lost connection, while the motors may still push: an attempt may take so long, each so often.
+constexpr Duration kReopenWithin = std::chrono::milliseconds(100);
+constexpr Duration kReopenEvery = std::chrono::milliseconds(500);
+/// After a person asked for it.
+constexpr Duration kResetWithin = std::chrono::milliseconds(500);
+
+}  // namespace
+
+/// A force that the device's friction absorbs needs none, whatever its sign.
+bool DeviceNode::has_motor_check() const noexcept {
+  return !device_.specification().is_simulated && !config_.skips_motor_check &&
+         std::min(config_.peak_force_newton,
+                  largest_force_newton(config_, device_.specification())) >
+             config_.profile.coulomb_newton;
+}
+
+/// Whether a person has acknowledged the device, and holds the dead-man button, if there is one. A
+/// press of it acknowledges: one that began while no force could act.
+bool DeviceNode::may_push(const DeviceSample& sample) noexcept {
+  const auto& button = config_.dead_man_button;
+  if (!button) return is_acknowledged_;
+  if (((sample.buttons >> *button) & 1U) != 0) {
+    is_acknowledged_ = is_acknowledged_ || was_let_go_;
+    return is_acknowledged_;
+  }
+  was_let_go_ = true;
+  ++counters_.dead_man_ticks;
+  return false;
+}
+
+/// The small push before the first force. No command acts; what the push costs is booked as that of
+/// any force, so that it is a debt.
+FaultReason DeviceNode::check_motors(const DeviceSample& sample, TimePoint deadline,
+                                     DeviceTick& record) noexcept {
+  const Vector3 push_newton = motor_check_.next(sample.sampled_at, sample.hand_position_m);
+  guard_.reset();
+  is_pushing_ = true;
+  record.force_on_hand_newton = push_newton;
+  const FaultReason reason =
+      switch_to({.force_on_hand_newton = push_newton, .lease = config_.lease}, deadline, record);
+  is_pushing_ = false;
+  guard_.reset();
+  frozen_.begin();
+  if (reason != FaultReason::kNone) return reason;
+  motor_check_.applied(record.force_on_hand_newton);
+  counters_.checked_motor_gain = motor_check_.gain_at_least();
+  switch (motor_check_.verdict()) {
+    case MotorVerdict::kChecking:
+      break;
+    case MotorVerdict::kGood:
+      must_check_motors_ = false;
+      break;
+    case MotorVerdict::kWrongWay:
+      return FaultReason::kMotorsWrongWay;
+    case MotorVerdict::kTooStrong:
+      return FaultReason::kMotorsTooStrong;
+    case MotorVerdict::kFrozen:
+      return FaultReason::kPositionFrozen;
+    case MotorVerdict::kNotSeen:
+      return FaultReason::kMotorsNotSeen;
+  }
+  return FaultReason::kNone;
+}
+
+/// The record shows the last finite reading, even one that was judged impossible.
+void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
+  fault_ = reason;
+  is_acknowledged_ = false;
+  was_let_go_ = false;
+  must_check_motors_ = has_motor_check();
+  motor_check_.begin();
+  frozen_.begin();
+  counters_.last_fault = reason;
+  ++counters_.device_faults;
+  record_acted(record);
+  release_motors();
+  record.switched_at = clock_.now();
+  record.guard = GuardState::kFault;
+  record_last_reading(record);
+  notify_observer(record);
+}
+
+DevicePhase DeviceNode::phase() const noexcept {
+  if (has_fault()) return DevicePhase::kFaulted;
+  const DevicePhase reached = device_.phase();
+  if (reached != DevicePhase::kCalibrated || !is_acknowledged_) return reached;
+  return must_check_motors_ ? DevicePhase::kChecking : DevicePhase::kEnabled;
+}
+
+void DeviceNode::acknowledge() noexcept {
+  // a device that waits for its calibration takes it, and needs one more
+  if (device_.phase() == DevicePhase::kConnected) {
+    static_cast<void>(device_.calibrate());
+    if (has_fault()) static_cast<void>(clear_fault());
+    return;
+  }
+  if (has_fault() && !(device_.reopen(kResetWithin) && clear_fault())) return;
+  is_acknowledged_ = device_.phase() == DevicePhase::kCalibrated;
+}
+
+bool DeviceNode::clear_fault() noexcept {
+  if (!release_once()) return false;
+  fault_ = FaultReason::kNone;
+  has_reading_ = false;
+  // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
+  // gap
+  applied_ = AppliedForces(device_.specification().has_motor_watchdog);
+  monitor_.lost();
+  ++counters_.fault_resets;
+  return true;
+}
+
+void DeviceNode::release_motors() noexcept {
+  static_cast<void>(release_once());
+  guard_.reset();
+}
+
+/// A force that the device did not confirm as ended goes on, in the accounts too.
+bool DeviceNode::release_once() noexcept {
+  is_released_ = device_.release();
+  if (is_released_ && applied_.has_begun()) {
+    const TimePoint now = clock_.now();
+    applied_.released(now);
+    monitor_.released(now);
+  }
+  return is_released_;
+}
+
+/// In a latched fault, until the device confirms it.
+void DeviceNode::release_again() noexcept {
+  const TimePoint now = clock_.now();
+  if (device_.phase() == DevicePhase::kClosed && now >= reopens_at_) {
+    reopens_at_ = now + kReopenEvery;
+    static_cast<void>(device_.reopen(kReopenWithin));
+  }
+  static_cast<void>(release_once());
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// Each driver over its wire, before an emulator whose motors and encoders are wrong from the start:
+// the check that enables a device refuses it, and what stands still in the run is noticed.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "device_node/simulation/hand.h"
+#include "tests/support/device_node_bench.h"
+#include "tests/support/wired/wired_device.h"
+
+namespace palpate::test {
+namespace {
+
+using namespace std::chrono_literals;
+using device::WireFault;
+
+struct Spec {
+  Side side;
+  WiredDriver driver;
+  std::vector<device::PlannedFault> faults;
+};
+
+class Opened final : public device::HapticDevice, public device::TrueStateSource {
+ public:
+  Opened(const Clock& clock, const Spec& spec)
+      : device_(open_wired(spec.driver, spec.side, clock, 1, 20ms, spec.faults, 1s)) {}
+  [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
+    return device_->specification();
+  }
+  [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
+    ++reads;
+    if (!device_->read(sample)) return false;
+    sample.buttons = buttons;
+    return true;
+  }
+  [[nodiscard]] bool apply(const Vector3& force, Duration lease,
+                           device::DeviceSample& at_switch) noexcept override {
+    return device_->apply(force, lease, at_switch);
+  }
+  [[nodiscard]] bool release() noexcept override { return device_->release(); }
+  [[nodiscard]] DevicePhase phase() const noexcept override { return device_->phase(); }
+  [[nodiscard]] device::DeviceError last_error() const noexcept override {
+    return device_->last_error();
+  }
+  [[nodiscard]] device::TrueState true_state() const noexcept override {
+    return dynamic_cast<device::TrueStateSource&>(*device_).true_state();
+  }
+  int reads = 0;
+  std::uint32_t buttons = 0;
+
+ private:
+  std::unique_ptr<device::HapticDevice> device_;
+};
+
+DeviceConfig checked_config() {
+  DeviceConfig config = device_config();
+  config.profile.position_resolution_m = 1e-4;
+  config.monitor = {.is_on = true, .v_max_m_per_s = 0.5};
+  config.accepts_no_motor_watchdog = true;
+  config.skips_motor_check = false;
+  return config;
+}
+
+HandConfig firm(const PathConfig& path) {
+  return {.mass_kg = 0.1,
+          .stiffness_newton_per_m = 2000.0,
+          .damping_newton_s_per_m = 40.0,
+          .path = path};
+}
+
+class WiredVices : public testing::TestWithParam<WiredDriver> {
+ protected:
+  static Spec spec(const DeviceConfig& config, const HandConfig& hand, WireFault fault,
+                   double from_s = 1e-4) {
+    Spec spec{.side = {}, .driver = GetParam(), .faults = {}};
+    spec.side.device = config;
+    spec.side.hand = hand;
+    // its own encoders round
+    spec.side.simulated.position_resolution_m = GetParam() == WiredDriver::kHaply ? 1e-4 : 0.0;
+    if (fault != WireFault::kNone) {
+      spec.faults = {{.kind = fault, .from_s = from_s, .length_s = 60.0}};
+    }
+    return spec;
+  }
+  /// Enabled, or why not.
+  static FaultReason enabling(const HandConfig& hand, WireFault fault, double* gain = nullptr) {
+    const DeviceConfig config = checked_config();
+    DeviceNodeBench<Opened> bench(config, spec(config, hand, fault));
+    bench.answer_with(Vector3(0, 0, 3));
+    for (int i = 0; i < 100; ++i) bench.tick();
+    EXPECT_EQ(bench.node.counters().max_force_newton, 0.0) << "nobody has acknowledged it";
+    bench.node.acknowledge();
+    EXPECT_EQ(bench.node.phase(), DevicePhase::kChecking);
+    for (int i = 0; i < 20'000 && bench.node.phase() == DevicePhase::kChecking; ++i) bench.tick();
+    EXPECT_LE(bench.node.counters().max_force_newton, 0.4 + 1e-9) << "f_co + 0.3 N";
+    if (gain != nullptr) *gain = bench.node.counters().checked_motor_gain;
+    if (bench.node.phase() == DevicePhase::kFaulted) {
+      bench.tick();
+      EXPECT_TRUE(bench.ticks.back().force_on_hand_newton.isZero(0.0));
+      return bench.node.counters().last_fault;
+    }
+    EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
+    return FaultReason::kNone;
+  }
+};
+
+TEST_P(WiredVices, MotorsThatDoWhatTheyAreToldAreEnabled) {
+  EXPECT_EQ(enabling(firm(HoldPath{}), WireFault::kNone), FaultReason::kNone);
+  double gain = 0.0;
+  EXPECT_EQ(enabling(device::nobody(), WireFault::kNone, &gain), FaultReason::kNone);
+  EXPECT_NEAR(gain, 1.0, 0.25);
+  EXPECT_EQ(enabling(firm(SinusoidPath{.amplitude_m = Vector3(0.008, 0, 0.008),
+                                       .frequency_hz = Vector3(0.05, 0, 0.7)}),
+                     WireFault::kNone),
+            FaultReason::kNone);
+}
+
+TEST_P(WiredVices, AReversedSignIsRefused) {
+  EXPECT_EQ(enabling(firm(HoldPath{}), WireFault::kReversed), FaultReason::kMotorsWrongWay);
+  EXPECT_EQ(enabling(device::nobody(), WireFault::kReversed), FaultReason::kMotorsWrongWay);
+}
+
+TEST_P(WiredVices, MotorsTwiceAsStrongAreNamedWhereNobodyHoldsThem) {
+  EXPECT_EQ(enabling(device::nobody(), WireFault::kStrong), FaultReason::kMotorsTooStrong);
+}
+
+TEST_P(WiredVices, PositionsThatStandStillAreRefused) {
+  EXPECT_EQ(enabling(firm(HoldPath{}), WireFault::kStuck), FaultReason::kPositionFrozen);
+}
+
+/// The hand draws from a force that the frozen positions leave where it is.
+TEST_P(WiredVices, PositionsThatStandStillInTheRunEndTheForce) {
+  DeviceConfig config = checked_config();
+  config.skips_motor_check = true;
+  const HandConfig hand = firm(
+      SinusoidPath{.amplitude_m = Vector3(0.01, 0, 0.01), .frequency_hz = Vector3(0.4, 0, 0.7)});
+  DeviceNodeBench<Opened> bench(config, spec(config, hand, WireFault::kStuck, 1.0));
+  bench.node.acknowledge();
+  bench.answer_with(Vector3(0, 0, 1.0));
+  while (bench.clock.now() < TimePoint(1s)) bench.tick();
+  ASSERT_GT(bench.node.counters().max_force_newton, 0.5);
+  for (int i = 0; i < 260; ++i) bench.tick();
+  EXPECT_TRUE(bench.ticks.back().force_on_hand_newton.isZero(0.0));
+  EXPECT_GT(bench.node.counters().frozen_ticks, 0U);
+  EXPECT_EQ(bench.node.counters().device_faults, 0U);
+  for (int i = 0; i < 500; ++i) bench.tick();
+  EXPECT_TRUE(bench.ticks.back().force_on_hand_newton.isZero(0.0)) << "until a reading differs";
+}
+
+TEST_P(WiredVices, ThePushNeedsTheDeadManButtonAndBeginsAnewWithIt) {
+  DeviceConfig config = checked_config();
+  config.dead_man_button = 0;
+  DeviceNodeBench<Opened> bench(config, spec(config, firm(HoldPath{}), WireFault::kNone));
+  const auto pushes = [&](std::uint32_t buttons, int ticks) {
+    bench.device.buttons = buttons;
+    double newton = 0.0;
+    for (int i = 0; i < ticks; ++i) {
+      bench.tick();
+      newton = std::max(newton, bench.ticks.back().force_on_hand_newton.norm());
+    }
+    return newton;
+  };
+  bench.answer_with(Vector3(0, 0, 3));
+  EXPECT_EQ(pushes(0, 100), 0.0);
+  bench.node.acknowledge();
+  EXPECT_EQ(pushes(0, 1000), 0.0) << "acknowledged, but nobody holds the button";
+  EXPECT_GT(pushes(1, 1000), 0.3);
+  EXPECT_EQ(pushes(0, 1000), 0.0) << "let go: no push, from that tick on";
+  EXPECT_LE(pushes(1, 1000), 0.4 + 1e-9);
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kChecking) << "from the first axis again";
+  static_cast<void>(pushes(1, 4000));
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
+}
+
+std::string name_of(const testing::TestParamInfo<WiredDriver>& info) {
+  constexpr const char* kNames[] = {"Haply", "Hapi", "Falcon", "Wooden"};
+  return kNames[static_cast<int>(info.param)];
+}
+INSTANTIATE_TEST_SUITE_P(Each, WiredVices,
+                         testing::Values(WiredDriver::kHaply, WiredDriver::kHapi,
+                                         WiredDriver::kFalcon, WiredDriver::kWooden),
+                         name_of);
+
+}  // namespace
+}  // namespace palpate::test
