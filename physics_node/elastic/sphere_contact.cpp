@@ -6,7 +6,6 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
-#include <span>
 #include <utility>
 
 namespace palpate::elastic {
@@ -219,11 +218,9 @@ double SphereContact::update_multipliers(const double* x_m, const BlockPattern& 
     const Touch at = touch(i, x_m);
     const SurfacePoint& point = (*points_)[i];
     deepest_m = std::max(deepest_m, -at.gap_m);
-    const auto nodes = std::span(point.nodes).first(static_cast<std::size_t>(point.count));
-    const bool is_fixed = std::all_of(nodes.begin(), nodes.end(),
-                                      [&](std::uint32_t node) { return pattern.row_of[node] < 0; });
-    multipliers_pa_[i] =
-        is_fixed ? 0.0 : std::min(at.pressure_pa, 2.0 * radius_m_ * stiffness_pa_per_m_);
+    multipliers_pa_[i] = point.is_held(pattern)
+                             ? 0.0
+                             : std::min(at.pressure_pa, 2.0 * radius_m_ * stiffness_pa_per_m_);
     if (at.pressure_pa == 0.0) continue;
     settled_.push_back({.point = i,
                         .force_on_body_newton = point.area_m2 * at.pressure_pa * at.normal,

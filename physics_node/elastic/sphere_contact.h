@@ -28,6 +28,13 @@ struct SurfacePoint {
     }
     return sum;
   }
+  /// A node of it is fixed: it gives way to the contact's penalty, whatever the body does.
+  [[nodiscard]] bool is_held(const BlockPattern& pattern) const noexcept {
+    for (std::size_t a = 0; a < static_cast<std::size_t>(count); ++a) {
+      if (pattern.row_of[nodes[a]] < 0) return true;
+    }
+    return false;
+  }
 };
 
 /// `per_edge`² points on every face.
@@ -72,9 +79,9 @@ class SphereContact : public Obstacle {
   /// within its reach.
   [[nodiscard]] double nearest_m() const noexcept { return nearest_m_; }
 
-  /// Ends a round with the body there: the pressures become the multipliers, except at points
-  /// without a node in `pattern`, which are fixed and keep the penalty alone; none exceeds
-  /// stiffness × diameter. What follows is said of this state.
+  /// Ends a round with the body there: the pressures become the multipliers, except at points that
+  /// are held, whose multipliers would grow without limit: they keep the penalty alone. None
+  /// exceeds stiffness × diameter. What follows is said of this state.
   /// @return  the deepest penetration [m]
   double update_multipliers(const double* x_m, const BlockPattern& pattern);
 

@@ -13,9 +13,16 @@ namespace {
 
 // A tip this far from the body may touch it within two steps of the full solution.
 constexpr double kNear_m = 0.02;
-// The surface must lie on the sphere within about 70°, in the mean over the force.
+// A tip that is first seen so far from its proxy appeared inside.
+constexpr double kInside_m = 2e-4;
 constexpr double kPartRadii = 0.5;  // see step()
-constexpr double kLeastFacing = 0.35;
+// The surface must lie on the sphere within about 80°, in the mean over the force: on an edge it
+// may be almost at right angles to it.
+constexpr double kLeastFacing = 0.2;
+// A body under a sphere that appeared in it comes to rest in a step at least this long, and of so
+// many steps: there was no motion on the way.
+constexpr double kLeastSettling_s = 0.08;
+constexpr double kSettlingPeriods = 4.0;
 // A sphere that could not go on tries again after so many steps, or when its tip has come nearer
 // by this factor.
 constexpr int kBlockedSteps = 10;
@@ -104,6 +111,7 @@ bool ElasticSimulation::follow(std::size_t tool, const TipState& tip) {
     touch.centre_m = tip.place_m;
     contact.set_sphere(touch.centre_m, tip_radius_m_);
     contact.choose_near(x, tip_radius_m_);
+    touch.is_arriving = (tip.tip_m - tip.place_m).norm() > kInside_m;
   }
   touch.is_near = true;
   if (touch.blocked_steps > 0) {
@@ -196,6 +204,7 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
   const std::vector<Touch> touches_before = touches_;
   const std::vector<elastic::SphereContact> contacts_before = tips_.contacts;
   bool is_any_near = false;
+  bool must_settle = false;
   tips_.rubbed_newton.clear();
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
@@ -204,7 +213,11 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
                           body_.bounds.squared_distance(tips[i]->tip_m) < near_m * near_m;
     if (is_there) {
       rub(touch, tips[i]->friction_on_tool_newton);
-      follow(i, *tips[i]);
+      const bool is_new = !touch.is_near;
+      const bool has_arrived = follow(i, *tips[i]);
+      appeared_ += is_new && touch.is_arriving ? 1U : 0U;
+      must_settle = must_settle || touch.is_arriving;
+      touch.is_arriving = touch.is_arriving && !has_arrived;
     }
     touch.is_near = is_there;
     tips_.is_near[i] = is_there && tips_.contacts[i].near_count() > 0 ? 1 : 0;
@@ -217,7 +230,7 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
     return false;
   }
   before_m_ = dynamics_.x_m();
-  if (step_once()) {
+  if (must_settle ? settle() : step_once()) {
     failed_in_a_row_ = 0;
     return true;
   }
@@ -282,6 +295,7 @@ void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tip
     are_there = true;
     for (const std::size_t i : there) {
       are_there = follow(i, *tips[i]) && are_there;
+      touches_[i].is_arriving = false;
       tips_.is_near[i] = tips_.contacts[i].near_count() > 0 ? 1 : 0;
     }
     if (step_once()) continue;
@@ -300,6 +314,16 @@ void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tip
 void ElasticSimulation::set_body(const elastic::VectorXd& x_m) {
   dynamics_.set_state(x_m, elastic::VectorXd::Zero(x_m.size()));
   dynamics_.search().update_rotations(x_m);
+}
+
+/// A step so long that nothing moves at its end. False: it has failed.
+bool ElasticSimulation::settle() {
+  const double step_s =
+      std::exchange(this_step_s_, std::max(kLeastSettling_s, kSettlingPeriods * step_s_));
+  const bool is_right = step_once();
+  this_step_s_ = step_s;
+  if (is_right) set_body(elastic::VectorXd(dynamics_.x_m()));
+  return is_right;
 }
 
 /// A step with the spheres where they are. False: it has failed.

@@ -41,11 +41,13 @@ class ElasticSimulation {
   /// and the spheres wait there; if that fails too, the body stays there with its forces. After
   /// some such steps in a row, or a sphere's first step, it begins again from its untouched state,
   /// the spheres from their proxies, and goes as far as it can in up to kMostRepairSteps steps.
+  /// Under a tip that appears inside the body this comes to rest at once: it did not move there.
   /// @param step_s  in [¼, 1] × that of the constructor; none: that
   bool step(std::span<const std::optional<TipState>> tips, std::optional<double> step_s = {});
 
   struct Touch {
     bool is_near = false;                ///< the tip may touch within the next steps
+    bool is_arriving = false;            ///< the tip appeared inside, the sphere is on its way
     bool has_failed = false;             ///< in the last step: there is no force
     int blocked_steps = 0;               ///< that the sphere will wait: the body cannot give way
     double blocked_m = 0.0;              ///< from the tip when it began to wait
@@ -64,6 +66,9 @@ class ElasticSimulation {
   [[nodiscard]] double step_s() const noexcept { return step_s_; }  ///< of the constructor
   /// Steps that failed, since construction.
   [[nodiscard]] std::uint64_t failed_steps() const noexcept { return failed_steps_; }
+
+  /// Tips that appeared inside the body, since construction.
+  [[nodiscard]] std::uint64_t appeared() const noexcept { return appeared_; }
 
   static constexpr int kMostRepairSteps = 12;
   static constexpr int kMostParts = 4;
@@ -91,6 +96,7 @@ class ElasticSimulation {
   void rub(const Touch& touch, const Vector3& friction_on_tool_newton);
   bool follow(std::size_t tool, const TipState& tip);
   [[nodiscard]] bool step_once();
+  [[nodiscard]] bool settle();
   [[nodiscard]] bool is_wrong(std::size_t tool) const;
   void repair(std::span<const std::optional<TipState>> tips,
               const std::vector<Touch>& touches_before,
@@ -113,6 +119,7 @@ class ElasticSimulation {
   elastic::VectorXd before_m_;  // the last step
   elastic::StepReport report_;
   std::uint64_t failed_steps_ = 0;
+  std::uint64_t appeared_ = 0;
   int failed_in_a_row_ = 0;
 };
 

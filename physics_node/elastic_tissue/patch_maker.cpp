@@ -113,7 +113,10 @@ void PatchMaker::assign(std::uint32_t slot, std::uint32_t index) {
   // the blocks, then their step
   std::array<Eigen::Matrix3d, kElasticSlots> blocks;
   const Eigen::Matrix3d computed = give(index, index);
-  const Eigen::Matrix3d own = 0.5 * (computed + computed.transpose());
+  Eigen::Matrix3d own = 0.5 * (computed + computed.transpose());
+  if (at.is_held(body_.body->pattern())) {
+    own.diagonal().array() += static_cast<double>(point.rigid_give_m_per_newton);
+  }
   double largest = own.cwiseAbs().maxCoeff();
   for (std::size_t other = 0; other < kElasticSlots; ++other) {
     if (other == slot || !point_in_[other]) continue;

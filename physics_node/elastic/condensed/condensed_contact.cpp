@@ -162,6 +162,13 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
       }
     }
   }
+  // a point that is held gives way to the penalty besides, as in the full solution
+  for (std::size_t j = 0; j < count; ++j) {
+    if (!points[chosen_[j]].is_held(compliance_.body().pattern())) continue;
+    for (std::size_t k = 3 * j; k < 3 * j + 3; ++k) {
+      among_[k * stride_ + k] += static_cast<float>(rigid_give_[j]);
+    }
+  }
   reached_m_ = positions_m_;
   base_forces_newton_ = forces_newton_;
   first_m_ = x_m;

@@ -260,6 +260,67 @@ TEST_F(ElasticPlate, ATipThatAppearsInsideComesOutWhereItIsShallow) {
   }
 }
 
+// It did not move there, so that the body has no inertia against it: at once the force of rest.
+TEST(ElasticSide, ATipThatAppearsInsideMeetsTheForceOfRestAtOnce) {
+  FullPress press(block_scene(), 0.0005);
+  const Vector3 tip_m(0.003, 0.002, kBall_m - 0.004);
+  double largest = 0.0;
+  double last = 0.0;
+  for (int i = 0; i < 200; ++i) {
+    last = press.step(tip_m).z();
+    ASSERT_GT(last, 0.0) << i;
+    largest = std::max(largest, last);
+  }
+  EXPECT_GT(last, 0.5);
+  EXPECT_LT(largest, 1.3 * last);
+  EXPECT_EQ(press.simulation.appeared(), 1U);
+  EXPECT_EQ(press.simulation.failed_steps(), 0U);
+}
+
+// Down onto the free rim of a thin plate, which bends aside, and back: an edge that leans on the
+// sphere is not one that it has passed through.
+TEST_F(ElasticPlate, AFreeRimIsLeftWithoutAFailure) {
+  FullPress press(scene(0.004), 0.0005);
+  double largest = 0.0;
+  for (int i = 0; i < 700; ++i) {
+    const double time_s = 0.0005 * i;
+    const double depth_m =
+        std::min(0.1 * time_s - 0.004, 0.006 - 0.1 * std::max(0.0, time_s - 0.25));
+    const Vector3 force = press.step({0.001, 0.03 + kBall_m - depth_m, 0.001});
+    ASSERT_GE(force.y(), -1e-3) << i;
+    largest = std::max(largest, force.norm());
+  }
+  EXPECT_EQ(press.simulation.failed_steps(), 0U);
+  EXPECT_LT(largest, 0.15);
+}
+
+// A tip against the held rim of a block: the force does not depend on how often the body is solved,
+// and the condensed contact has it.
+TEST(ElasticSide, AFixedRimHasOneForce) {
+  const auto tip_at = [](double depth_m) {
+    return Vector3(0.056 - std::clamp(depth_m, -0.002, 0.003), 0.003, -0.046);
+  };
+  const SceneConfig scene = block_scene();
+  const auto full = [&](double step_s) {
+    FullPress press(scene, step_s);
+    double newton = 0.0;
+    for (double time_s = 0.0; time_s < 0.4; time_s += step_s) {
+      newton = press.step(tip_at(0.05 * time_s - 0.002)).x();
+    }
+    return newton;
+  };
+  const double often = full(0.002);
+  EXPECT_GT(often, 1.0);
+  EXPECT_NEAR(full(0.02), often, 0.1 * often);
+  const auto elastic = ElasticTissues::of(scene, 1, ElasticPace::kVirtual);
+  SceneForce force;
+  for (int tick = 0; tick < 400; ++tick) {
+    force = {};
+    elastic->step(0, tip_at(5e-5 * tick - 0.002), 1e-3 * tick, kNear_m, force);
+  }
+  EXPECT_NEAR(force.force_on_tool_newton.x(), often, 0.15 * often);
+}
+
 // The held edge of the plate is rigid: a finite force that does not grow while the tip rests.
 TEST_F(ElasticPlate, AFixedEdgeIsRigidAndItsForceDoesNotGrow) {
   const SceneConfig plate = scene(0.008);
