@@ -30,7 +30,7 @@ struct LeasedPoolParameters {
 /// s. No allocation, no throw.
 class HoleLengths {
  public:
-  /// @param duration_s  ≥ 0, between two readings
+  /// @param duration_s  ≥ 0, between two readings   @param hold_s  T_hold
   void note(double duration_s, double hold_s) noexcept;
   /// The longest of them; 0 where they are too few.
   [[nodiscard]] double longest_s() const noexcept;
