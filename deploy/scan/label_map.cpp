@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <set>
 #include <unordered_map>
 
@@ -18,6 +19,7 @@ constexpr std::uint32_t kMostLabel = 65'535;
 constexpr std::uintmax_t kMostFileBytes = 4'000'000'000;
 constexpr double kFinest_m = 1e-6;
 constexpr double kCoarsest_m = 0.1;
+constexpr double kLongest = 30.0;  // of the edges of a voxel, over the shortest
 // Of the volume of a voxel over the product of its edges: 1 for a right angle.
 constexpr double kFlattest = 0.1;
 
@@ -29,6 +31,7 @@ std::string lower_end(const std::string& file) {
 
 void make_names_unique(std::vector<Segment>& segments) {
   std::set<std::string> names;
+  std::map<std::string, int> next;  // to be tried behind a name
   for (Segment& segment : segments) {
     // a name stands between quotation marks in a session and in a mesh
     for (char& c : segment.name) {
@@ -36,8 +39,8 @@ void make_names_unique(std::vector<Segment>& segments) {
     }
     if (segment.name.empty()) segment.name = "label " + std::to_string(segment.value);
     const std::string given = segment.name;
-    for (int i = 2; !names.insert(segment.name).second; ++i) {
-      segment.name = given + " " + std::to_string(i);
+    while (!names.insert(segment.name).second) {
+      segment.name = given + " " + std::to_string(++next.try_emplace(given, 1).first->second);
     }
   }
 }
@@ -77,6 +80,11 @@ void check_grid(const std::array<std::uint64_t, 3>& size, std::uint64_t layers,
         name +
         ": the voxels must be 0.001 mm to 100 mm long, and within 100 m of the origin; check the "
         "unit and save the segmentation again");
+  }
+  if (!(spacing.maxCoeff() <= kLongest * spacing.minCoeff())) {
+    throw SetupError(name +
+                     ": the voxels must be at most 30 times as long as wide; resample the "
+                     "segmentation to slices that are closer");
   }
   if (!(std::abs(linear.determinant()) > kFlattest * spacing.prod())) {
     throw SetupError(
@@ -177,6 +185,13 @@ LabelMap load_label_map(const std::string& file) {
 }
 
 void name_segments(LabelMap& map, std::string_view text, const std::string& file_name) {
+  if (std::any_of(map.segments.begin(), map.segments.end(),
+                  [](const Segment& segment) { return segment.layer > 0; })) {
+    throw SetupError(
+        file_name +
+        ": the segmentation has layers, in which values repeat; name its segments where "
+        "it was made");
+  }
   physics::FileText lines(text, file_name);
   std::unordered_map<std::uint32_t, std::string> names;
   while (!lines.is_at_end()) {

@@ -6,8 +6,9 @@
 namespace palpate::scan {
 namespace {
 
+constexpr std::size_t kPrefix = 5;  // a shorter word stands for itself alone
 constexpr std::string_view kLesionWords =
-    "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass hcc";
+    "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass masses hcc";
 // SNOMED: mass, neoplasm, primary neoplasm, metastasis.
 constexpr std::string_view kLesionCodes = "SCT:4147007 SCT:108369006 SCT:86049000 SCT:14799000";
 
@@ -28,8 +29,11 @@ bool has_word(std::string_view name, std::string_view words) {
     if (c == '_' || c == '-') return ' ';
     return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   });
-  return any_word(words,
-                  [&](std::string_view word) { return lower.find(word) != std::string::npos; });
+  return any_word(words, [&](std::string_view word) {
+    return any_word(lower, [&](std::string_view own) {
+      return own == word || (word.size() >= kPrefix && own.starts_with(word));
+    });
+  });
 }
 
 bool has_code(std::string_view code, std::string_view codes) {
@@ -48,7 +52,7 @@ const std::array<TissueMaterial, 6>& tissue_materials() {
        "shear-wave elastography, median of malignant lesions; benign 10.7, cholangiocarcinoma 35.9 "
        "kPa",
        "Egyptian Journal of Radiology and Nuclear Medicine 2020", "2026-11",
-       "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass", "",
+       "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass masses", "",
        "SCT:4147007 SCT:108369006 SCT:86049000 SCT:14799000"},
       {"hepatic artery", 210e3, 163e3, 257e3, "as printed there", "PMC6925591, table 1", "2026-11",
        "artery arteries", "", "SCT:76015000 SCT:51114001"},
@@ -57,7 +61,8 @@ const std::array<TissueMaterial, 6>& tissue_materials() {
       {"bile duct", 166e3, 166e3, 166e3, "as printed there", "PMC6925591, table 1", "2026-11",
        "bile", "", "SCT:28273000"},
       {"liver", 5.2e3, 4.1e3, 6.4e3, "shear modulus 1.8 ± 0.4 kPa, times 2.9",
-       "PMC6925591, table 1", "2026-11", "liver hepar hepatic", "vessel vein duct", "SCT:10200004"},
+       "PMC6925591, table 1", "2026-11", "liver hepar hepatic", "vessel vein veins duct ducts",
+       "SCT:10200004"},
   }};
   return kTable;
 }

@@ -201,7 +201,8 @@ std::vector<Segment> table_of(std::string_view extensions) {
     const std::size_t close = extensions.find('>', at);
     const std::size_t end = extensions.find("</Label>", at);
     const std::size_t key = extensions.find("Key=\"", at);
-    if (end == std::string_view::npos || close > end || key > close) continue;
+    if (end == std::string_view::npos) break;
+    if (close > end || key > close) continue;
     std::uint32_t value = 0;
     std::size_t digit = key + 5;
     while (digit < close && extensions[digit] >= '0' && extensions[digit] <= '9' &&

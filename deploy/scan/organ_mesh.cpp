@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <functional>
 #include <numbers>
 #include <utility>
 
@@ -26,54 +28,6 @@ double volume_m3(const physics::TetrahedralMesh& mesh) {
   for (const auto& corners : mesh.tetrahedra)
     sixfold += physics::six_volumes_m3(mesh.nodes_m, corners);
   return sixfold / 6.0;
-}
-
-/// Sets voxels to 0 that are not of the largest part connected by faces, or of other segments.
-void keep_largest_part(LabelMap& map, std::vector<Region>& regions,
-                       const std::vector<std::uint32_t>& region_of) {
-  constexpr auto kOther = static_cast<std::uint32_t>(-1);
-  for (std::uint16_t& voxel : map.voxels) {
-    if (voxel != 0 && region_of[voxel] == kOther) voxel = 0;
-  }
-  const std::array<std::int64_t, 3> size{map.size[0], map.size[1], map.size[2]};
-  const std::array<std::int64_t, 3> stride{1, size[0], size[0] * size[1]};
-  std::vector<char> is_seen(map.voxels.size(), 0);
-  std::vector<std::int64_t> part;
-  std::vector<std::int64_t> largest;
-  for (std::int64_t start = 0; start < static_cast<std::int64_t>(map.voxels.size()); ++start) {
-    if (map.voxels[static_cast<std::size_t>(start)] == 0 ||
-        is_seen[static_cast<std::size_t>(start)] != 0)
-      continue;
-    part.assign(1, start);
-    is_seen[static_cast<std::size_t>(start)] = 1;
-    for (std::size_t next = 0; next < part.size(); ++next) {
-      const std::int64_t at = part[next];
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const std::int64_t place = at / stride[axis] % size[axis];
-        for (const int step : {-1, 1}) {
-          if (place + step < 0 || place + step >= size[axis]) continue;
-          const auto beside = static_cast<std::size_t>(at + step * stride[axis]);
-          if (map.voxels[beside] == 0 || is_seen[beside] != 0) continue;
-          is_seen[beside] = 1;
-          part.push_back(static_cast<std::int64_t>(beside));
-        }
-      }
-    }
-    if (part.size() > largest.size()) std::swap(part, largest);
-  }
-  for (const std::int64_t at : largest) is_seen[static_cast<std::size_t>(at)] = 2;
-  for (std::size_t at = 0; at < map.voxels.size(); ++at) {
-    std::uint16_t& voxel = map.voxels[at];
-    if (voxel == 0) continue;
-    Region& region = regions[region_of[voxel]];
-    ++region.voxels;
-    if (is_seen[at] == 2) {
-      region.voxels_m3 += map.voxel_m3();
-    } else {
-      ++region.dropped_voxels;
-      voxel = 0;
-    }
-  }
 }
 
 /// The body, and meshes of it.
@@ -208,15 +162,69 @@ FaceAngles face_angles_of(const physics::TetrahedralMesh& mesh) {
   return angles;
 }
 
-OrganMesh organ_mesh_of(LabelMap& map, const std::vector<std::uint32_t>& segments,
+std::vector<std::size_t> largest_part_of(const LabelMap& map,
+                                         const std::function<bool(std::uint16_t)>& is_inside) {
+  std::vector<bool> counts(map.segments.size() + 1);
+  for (std::size_t n = 0; n < counts.size(); ++n)
+    counts[n] = is_inside(static_cast<std::uint16_t>(n));
+  const std::array<std::int64_t, 3> size{map.size[0], map.size[1], map.size[2]};
+  const std::array<std::int64_t, 3> stride{1, size[0], size[0] * size[1]};
+  std::vector<bool> is_seen(map.voxels.size());
+  std::vector<std::size_t> part;
+  std::vector<std::size_t> largest;
+  for (std::size_t start = 0; start < map.voxels.size(); ++start) {
+    if (!counts[map.voxels[start]] || is_seen[start]) continue;
+    part.assign(1, start);
+    is_seen[start] = true;
+    for (std::size_t next = 0; next < part.size(); ++next) {
+      const auto at = static_cast<std::int64_t>(part[next]);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::int64_t place = at / stride[axis] % size[axis];
+        for (const int step : {-1, 1}) {
+          if (place + step < 0 || place + step >= size[axis]) continue;
+          const auto beside = static_cast<std::size_t>(at + step * stride[axis]);
+          if (!counts[map.voxels[beside]] || is_seen[beside]) continue;
+          is_seen[beside] = true;
+          part.push_back(beside);
+        }
+      }
+    }
+    if (part.size() > largest.size()) std::swap(part, largest);
+  }
+  return largest;
+}
+
+std::vector<Region> keep_largest_part(LabelMap& map, const std::vector<std::uint32_t>& segments) {
+  constexpr auto kOther = static_cast<std::uint32_t>(-1);
+  std::vector<Region> regions;
+  std::vector<std::uint32_t> region_of(map.segments.size() + 1, kOther);
+  for (const std::uint32_t segment : segments) {
+    region_of[segment + 1] = static_cast<std::uint32_t>(regions.size());
+    regions.push_back({.segment = segment});
+  }
+  for (std::uint16_t& voxel : map.voxels) {
+    if (region_of[voxel] == kOther) voxel = 0;
+    if (voxel != 0) ++regions[region_of[voxel]].voxels;
+  }
+  std::vector<std::uint16_t> kept(map.voxels.size(), 0);
+  for (const std::size_t at :
+       largest_part_of(map, [](std::uint16_t voxel) { return voxel != 0; })) {
+    kept[at] = map.voxels[at];
+    regions[region_of[kept[at]]].voxels_m3 += map.voxel_m3();
+  }
+  for (std::size_t at = 0; at < kept.size(); ++at) {
+    if (map.voxels[at] != kept[at]) ++regions[region_of[map.voxels[at]]].dropped_voxels;
+  }
+  map.voxels = std::move(kept);
+  return regions;
+}
+
+OrganMesh organ_mesh_of(const LabelMap& map, std::vector<Region> regions,
                         const OrganMeshing& meshing) {
   OrganMesh organ;
-  std::vector<std::uint32_t> region_of(map.segments.size() + 1, static_cast<std::uint32_t>(-1));
-  for (const std::uint32_t segment : segments) {
-    region_of[segment + 1] = static_cast<std::uint32_t>(organ.regions.size());
-    organ.regions.push_back({.segment = segment});
-  }
-  keep_largest_part(map, organ.regions, region_of);
+  organ.regions = std::move(regions);
+  std::vector<std::uint32_t> segments;
+  for (const Region& region : organ.regions) segments.push_back(region.segment);
   double wanted_m3 = 0.0;
   for (const Region& region : organ.regions) wanted_m3 += region.voxels_m3;
   if (!(wanted_m3 > 0.0)) throw SetupError("the labels that were chosen have no voxels");

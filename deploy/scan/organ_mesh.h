@@ -59,10 +59,20 @@ struct OrganMesh {
   FaceAngles angles{};
 };
 
-/// @param map      in the frame of the mesh; voxels of other segments and of smaller parts become 0
-/// @param segments  to be meshed, by index, at least one
+/// Sets voxels to 0 that are of other segments, or not of the largest part connected by faces.
+/// @param segments  of the body, by index, at least one
+/// @return  a region for each of them
+[[nodiscard]] std::vector<Region> keep_largest_part(LabelMap& map,
+                                                    const std::vector<std::uint32_t>& segments);
+
+/// Voxels for which `is_inside` holds that form the largest part connected by faces.
+[[nodiscard]] std::vector<std::size_t> largest_part_of(
+    const LabelMap& map, const std::function<bool(std::uint16_t)>& is_inside);
+
+/// @param map      in the frame of the mesh, of one part
+/// @param regions  keep_largest_part(map, …)
 /// @throws SetupError  nothing is left; the cells are too large for the body, or too many
-[[nodiscard]] OrganMesh organ_mesh_of(LabelMap& map, const std::vector<std::uint32_t>& segments,
+[[nodiscard]] OrganMesh organ_mesh_of(const LabelMap& map, std::vector<Region> regions,
                                       const OrganMeshing& meshing);
 
 /// The faces between elements of these regions and anything else, facing outwards.

@@ -3,8 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+
+#include "deploy/scan/organ_mesh.h"
 
 namespace palpate {
+namespace {
+
+constexpr double kSame_m = 1e-6;
+
+}  // namespace
 
 std::string stl_text(const physics::TriangleMesh& surface) {
   std::string text = "palpate import: metres, frame W of the session";
@@ -40,51 +48,42 @@ Column column_at(const physics::TriangleMesh& surface, double x, double y) {
     if (!(weights.minCoeff() >= 0.0 || weights.maxCoeff() <= 0.0) || weights.sum() == 0.0) continue;
     const double z =
         (weights.x() * a.z() + weights.y() * b.z() + weights.z() * c.z()) / weights.sum();
-    if (z > column.top_m) {
+    // a line through an edge or a node meets several triangles there
+    if (z > column.top_m + kSame_m) {
       column.below_m = column.top_m;
       column.top_m = z;
-    } else if (z < column.top_m - 1e-6) {
+    } else if (z < column.top_m - kSame_m) {
       column.below_m = std::max(column.below_m, z);
     }
   }
   return column;
 }
 
-Site site_of(const scan::LabelMap& map, const std::vector<std::uint32_t>& body,
-             const std::vector<std::uint32_t>& targets) {
-  std::vector<char> kind(map.segments.size() + 1, 0);  // 1: of the body, 3: a target
-  for (const std::uint32_t segment : body) kind[segment + 1] = 1;
-  for (const std::uint32_t segment : targets)
-    kind[segment + 1] = static_cast<char>(kind[segment + 1] | 2);
-  const auto for_each = [&](char wanted, auto visit) {
-    std::size_t at = 0;
-    for (std::uint32_t k = 0; k < map.size[2]; ++k) {
-      for (std::uint32_t j = 0; j < map.size[1]; ++j) {
-        for (std::uint32_t i = 0; i < map.size[0]; ++i, ++at) {
-          if ((kind[map.voxels[at]] & wanted) == wanted)
-            visit(map.ras_of_index_m * Vector3(i, j, k));
-        }
-      }
-    }
+Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& target) {
+  const auto place_of = [&](std::size_t at) {
+    const std::size_t row = at / map.size[0];
+    return Vector3(map.ras_of_index_m * Vector3(static_cast<double>(at % map.size[0]),
+                                                static_cast<double>(row % map.size[1]),
+                                                static_cast<double>(row / map.size[1])));
   };
+  const std::vector<std::size_t> part = scan::largest_part_of(
+      map, [&](std::uint16_t voxel) { return target ? voxel == *target + 1 : voxel != 0; });
   Site site;
-  double count = 0.0;
-  for_each(targets.empty() ? 1 : 3, [&](const Vector3& place_m) {
-    site.centre_m += place_m;
-    count += 1.0;
-  });
-  if (count > 0.0) site.centre_m /= count;
+  for (const std::size_t at : part) site.centre_m += place_of(at);
+  site.centre_m /= static_cast<double>(std::max<std::size_t>(part.size(), 1));
   const double near_m = 1.5 * map.spacing_m().maxCoeff();
   double top = -std::numeric_limits<double>::infinity();
   double nearest_m = std::numeric_limits<double>::infinity();
-  for_each(1, [&](const Vector3& place_m) {
+  for (std::size_t at = 0; at < map.voxels.size(); ++at) {
+    if (map.voxels[at] == 0) continue;
+    const Vector3 place_m = place_of(at);
     // above the centre, or, in a body that is hollow there, as near as there is one
     const double aside_m = std::max(near_m, (place_m - site.centre_m).head<2>().norm());
-    if (aside_m > nearest_m || (aside_m == nearest_m && place_m.z() <= top)) return;
+    if (aside_m > nearest_m || (aside_m == nearest_m && place_m.z() <= top)) continue;
     nearest_m = aside_m;
     top = place_m.z();
     site.top_m = aside_m == near_m ? Vector3(site.centre_m.x(), site.centre_m.y(), top) : place_m;
-  });
+  }
   return site;
 }
 

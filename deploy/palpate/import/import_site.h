@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,14 +24,13 @@ struct Column {
 };
 [[nodiscard]] Column column_at(const physics::TriangleMesh& surface, double x, double y);
 
-/// Centre of the voxels of the targets (of the body if there are none), and the highest voxel of
-/// the body above it, or nearest to that line.
+/// Centre of the largest part of the target (of the body if there is none), and the highest voxel
+/// of the body above it, or nearest to that line.
 struct Site {
   Vector3 centre_m = Vector3::Zero();
   Vector3 top_m = Vector3::Zero();
 };
-/// @param body, targets  segments, by index
-[[nodiscard]] Site site_of(const scan::LabelMap& map, const std::vector<std::uint32_t>& body,
-                           const std::vector<std::uint32_t>& targets);
+/// @param map     of one body   @param target  a segment of it, by index
+[[nodiscard]] Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& target);
 
 }  // namespace palpate

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "common/contact/bounds.h"
 #include "common/core/check.h"
@@ -28,15 +29,20 @@ constexpr double kPoisson = 0.45;
 constexpr std::size_t kMostParts = 64;  // of an elastic body in a session
 constexpr double kHeldShare = 0.2;      // of the height, from below
 constexpr std::uint64_t kManyVoxels = 5000;
+constexpr std::size_t kMostFileNameBytes = 60;
+constexpr std::size_t kMostLabels = 1000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 [[gnu::format(printf, 1, 2)]] std::string text_of(const char* format, ...) {
-  std::array<char, 1000> text{};
   va_list arguments;
+  va_list again;
   va_start(arguments, format);
-  std::vsnprintf(text.data(), text.size(), format, arguments);
+  va_copy(again, arguments);
+  std::string text(static_cast<std::size_t>(std::vsnprintf(nullptr, 0, format, arguments)), ' ');
+  std::vsnprintf(text.data(), text.size() + 1, format, again);
+  va_end(again);
   va_end(arguments);
-  return text.data();
+  return text;
 }
 
 std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
@@ -63,7 +69,7 @@ std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
 }
 
 std::string file_name_of(const std::string& label) {
-  std::string name = "surface_" + label;
+  std::string name = "surface_" + label.substr(0, kMostFileNameBytes);
   for (char& c : name) {
     const bool is_plain =
         (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-';
@@ -85,8 +91,10 @@ class Import {
   ImportedOrgan take() {
     choose_labels();
     map_.ras_of_index_m = Eigen::Affine3d(world_of_ras(options_.up)) * map_.ras_of_index_m;
-    const Site site = site_of(map_, segments_, lesions_);
-    organ_ = scan::organ_mesh_of(map_, segments_,
+    std::vector<scan::Region> regions = scan::keep_largest_part(map_, segments_);
+    refuse_dropped(regions);
+    const Site site = site_of(map_, largest_lesion(regions));
+    organ_ = scan::organ_mesh_of(map_, std::move(regions),
                                  {.cell_m = options_.cell_m,
                                   .tetrahedra = options_.tetrahedra,
                                   .fine = lesions_,
@@ -98,7 +106,7 @@ class Import {
     for (std::size_t r = 0; r < organ_.regions.size() && organ_.regions.size() > 1; ++r) {
       if (organ_.regions[r].elements == 0) continue;
       std::string name = file_name_of(organ_.mesh.region_names[r]);
-      if (result.files.contains(name + ".stl")) name += "_" + std::to_string(r);
+      while (result.files.contains(name + ".stl")) name += "_" + std::to_string(r);
       result.files[name + ".stl"] =
           stl_text(scan::surface_of_region(organ_.mesh, static_cast<std::uint16_t>(r)));
     }
@@ -118,6 +126,10 @@ class Import {
     if (segments_.empty()) {
       for (std::uint32_t s = 0; s < map_.segments.size(); ++s) segments_.push_back(s);
     }
+    if (segments_.size() > kMostLabels) {
+      throw SetupError(std::to_string(segments_.size()) +
+                       " labels: at most 1000 make one body; choose with --label");
+    }
     lesions_ = segments_named(map_, options_.lesions, "--lesion");
     fixed_ = segments_named(map_, options_.fixed, "--fixed");
     for (const auto* list : {&lesions_, &fixed_}) {
@@ -133,6 +145,40 @@ class Import {
         if (scan::is_lesion(map_.segments[s].name, map_.segments[s].code)) lesions_.push_back(s);
       }
     }
+  }
+
+  /// Lesions and supports that were asked for must be left; lesions by name are forgotten.
+  void refuse_dropped(const std::vector<scan::Region>& regions) {
+    const auto is_gone = [&](std::uint32_t segment) {
+      return std::none_of(regions.begin(), regions.end(), [&](const scan::Region& region) {
+        return region.segment == segment && region.voxels > region.dropped_voxels;
+      });
+    };
+    const auto refuse = [&](const std::vector<std::string>& named, const char* option) {
+      for (const std::uint32_t segment : segments_named(map_, named, option)) {
+        if (!is_gone(segment)) continue;
+        throw SetupError(std::string(option) + " \"" + map_.segments[segment].name +
+                         "\": all its voxels lie apart from the largest part of the body, and only "
+                         "that part is meshed; choose the labels of one body with --label");
+      }
+    };
+    refuse(options_.lesions, "--lesion");
+    refuse(options_.fixed, "--fixed");
+    std::erase_if(lesions_, is_gone);
+  }
+
+  /// The lesion with most voxels, which the hand presses above; nothing: there is none.
+  [[nodiscard]] std::optional<std::uint32_t> largest_lesion(
+      const std::vector<scan::Region>& regions) const {
+    std::optional<std::uint32_t> largest;
+    double most_m3 = 0.0;
+    for (const scan::Region& region : regions) {
+      if (std::find(lesions_.begin(), lesions_.end(), region.segment) == lesions_.end()) continue;
+      if (region.voxels_m3 <= most_m3) continue;
+      most_m3 = region.voxels_m3;
+      largest = region.segment;
+    }
+    return largest;
   }
 
   /// The point of the surface above the target becomes the origin of W.
@@ -284,6 +330,18 @@ class Import {
     return physics::mesh_report(*bodies.front());
   }
 
+  [[nodiscard]] const char* warning_of(const scan::Region& region, double error) const {
+    const bool matters =
+        std::find(lesions_.begin(), lesions_.end(), region.segment) != lesions_.end() ||
+        std::find(fixed_.begin(), fixed_.end(), region.segment) != fixed_.end();
+    if (region.elements == 0) return "  WARNING: nothing of it is in the mesh";
+    if (matters && std::abs(error) > 10.0)
+      return "  WARNING: more than 10 %; give more --tetrahedra or a smaller --cell-mm";
+    if (std::abs(error) > 1.0 && region.voxels - region.dropped_voxels >= kManyVoxels)
+      return "  WARNING: more than 1 %; give a smaller --cell-mm";
+    return "";
+  }
+
   [[nodiscard]] std::string report() const {
     const Vector3 spacing_mm = 1e3 * map_.spacing_m();
     std::string text = text_of(
@@ -299,13 +357,11 @@ class Import {
       const scan::Region& region = organ_.regions[r];
       const double error =
           region.voxels_m3 > 0.0 ? 100.0 * (region.mesh_m3 / region.voxels_m3 - 1.0) : 0.0;
-      text += text_of("  %-28.28s %8llu %8llu %11.3f %11.3f %+7.2f %% %10zu%s\n",
-                      name_of(r).c_str(), static_cast<unsigned long long>(region.voxels),
-                      static_cast<unsigned long long>(region.dropped_voxels),
-                      1e6 * region.voxels_m3, 1e6 * region.mesh_m3, error, region.elements,
-                      std::abs(error) > 1.0 && region.voxels - region.dropped_voxels >= kManyVoxels
-                          ? "  WARNING: more than 1 %; give a smaller --cell-mm"
-                          : "");
+      text +=
+          text_of("  %-28.28s %8llu %8llu %11.3f %11.3f %+7.2f %% %10zu%s\n", name_of(r).c_str(),
+                  static_cast<unsigned long long>(region.voxels),
+                  static_cast<unsigned long long>(region.dropped_voxels), 1e6 * region.voxels_m3,
+                  1e6 * region.mesh_m3, error, region.elements, warning_of(region, error));
     }
     text += "  dropped: voxels that are not connected to the largest part by faces\n";
 
@@ -342,7 +398,7 @@ class Import {
         "what lies within its workspace\n"
         "  around the origin; device.workspace { scale_ratio } in the session enlarges its "
         "motion\n",
-        options_.up.c_str(), lesions_.empty() ? "middle of the body" : "lesion",
+        options_.up.c_str(), lesions_.empty() ? "middle of the body" : "largest lesion",
         -1e3 * target_m_.z(), low_mm.x(), low_mm.y(), low_mm.z(), high_mm.x(), high_mm.y(),
         high_mm.z());
     text += fixed_.empty() ? "  held: the lowest fifth of the body. WARNING: a guess; set `fixed` "

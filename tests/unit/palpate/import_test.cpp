@@ -8,6 +8,7 @@
 
 #include "common/core/check.h"
 #include "common/session/session_file.h"
+#include "deploy/palpate/import/import_site.h"
 #include "deploy/scan/materials.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
@@ -130,6 +131,85 @@ TEST(Import, ATagThatTheMeshDoesNotHaveIsNamed) {
   }
 }
 
+/// Two balls of 16 mm and 12 mm radius, 60 mm apart: "kidney left", "kidney right", and a lesion in
+/// the second.
+scan::LabelMap two_kidneys() {
+  scan::LabelMap map;
+  map.size = {70, 28, 28};
+  map.ras_of_index_m.linear() = 1.5e-3 * Matrix3::Identity();
+  map.segments = {{.value = 1, .name = "kidney left"},
+                  {.value = 2, .name = "kidney right"},
+                  {.value = 3, .name = "cyst"}};
+  for (int k = 0; k < 28; ++k) {
+    for (int j = 0; j < 28; ++j) {
+      for (int i = 0; i < 70; ++i) {
+        const Vector3 p = 1.5 * Vector3(i - 14.3, j - 13.7, k - 14.1);
+        const Vector3 q = p - Vector3(60, 0, 0);
+        map.voxels.push_back(p.norm() < 16.0                       ? 1
+                             : q.norm() < 12.0 && (q.norm() < 5.0) ? 3
+                             : q.norm() < 12.0                     ? 2
+                                                                   : 0);
+        if (map.voxels.back() != 0) ++map.segments[map.voxels.back() - 1U].voxels;
+      }
+    }
+  }
+  return map;
+}
+
+TEST(Import, OfApartBodiesOnlyTheLargestIsMeshedAndTouched) {
+  const ImportedOrgan organ = imported_organ(two_kidneys(), {}, "a.nii.gz");
+  const physics::TetrahedralMesh mesh =
+      physics::parse_msh(organ.files.at(kImportedMesh), "organ.msh");
+  Vector3 low_m = mesh.nodes_m.front();
+  Vector3 high_m = low_m;
+  for (const Vector3& node_m : mesh.nodes_m) {
+    low_m = low_m.cwiseMin(node_m);
+    high_m = high_m.cwiseMax(node_m);
+  }
+  // its highest point is at the origin
+  EXPECT_NEAR(high_m.x(), 0.016, 0.001);
+  EXPECT_NEAR(low_m.x(), -0.016, 0.001);
+  EXPECT_NEAR(high_m.z(), 0.0, 0.001);
+  EXPECT_THAT(organ.report, HasSubstr("WARNING: nothing of it is in the mesh"));
+
+  try {
+    (void)imported_organ(two_kidneys(), {.lesions = {"cyst"}}, "a.nii.gz");
+    FAIL();
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("--lesion \"cyst\""), HasSubstr("--label")));
+  }
+}
+
+TEST(Import, LongAndSimilarNamesGiveFilesOfTheirOwn) {
+  scan::LabelMap map = patient();
+  map.segments[0].name = std::string(1200, 'x');
+  map.segments[1].name = "tumor a/b";
+  map.segments[2].name = "tumor a_b";
+  const ImportedOrgan organ = imported_organ(std::move(map), {}, "a.nii.gz");
+  std::size_t surfaces = 0;
+  for (const auto& [name, content] : organ.files) {
+    EXPECT_LT(name.size(), 100u);
+    if (name.starts_with("surface_")) ++surfaces;
+  }
+  EXPECT_EQ(surfaces, 3u);
+}
+
+TEST(Import, ALineThroughANodeHasATopAndABottom) {
+  // a pyramid on its tip: the line through the tip meets four faces at one height, or nearly
+  physics::TriangleMesh surface;
+  surface.vertices_m = {{0.1, 0.1, 0},
+                        {-0.1, 0.1, 0},
+                        {-0.1, -0.1, 0},
+                        {0.1, -0.1, 0},
+                        {1e-9, 0, 0.0300000000000001}};
+  surface.triangles = {{0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}, {0, 2, 1}, {0, 3, 2}};
+  for (const double x : {0.0, 1e-9, 1e-10}) {
+    const Column column = column_at(surface, x, 0.0);
+    EXPECT_NEAR(column.top_m, 0.03, 1e-6);
+    EXPECT_NEAR(column.below_m, 0.0, 1e-6);
+  }
+}
+
 TEST(Import, NamesALabelThatIsNotThere) {
   EXPECT_THAT(complaint_of({.labels = {"livre"}}), HasSubstr("did you mean \"liver\"?"));
   EXPECT_THAT(complaint_of({.labels = {"liver"}, .fixed = {"stalk"}}),
@@ -145,6 +225,9 @@ TEST(Materials, AreFoundByNameAndCode) {
   EXPECT_STREQ(scan::material_for("liver_tumor", "")->name, "focal lesion");
   EXPECT_EQ(scan::material_for("liver_vessels", ""), nullptr);
   EXPECT_EQ(scan::material_for("spleen", ""), nullptr);
+  EXPECT_EQ(scan::material_for("masseter_right", ""), nullptr);
+  EXPECT_STREQ(scan::material_for("masses", "")->name, "focal lesion");
+  EXPECT_STREQ(scan::material_for("tumors_2", "")->name, "focal lesion");
   EXPECT_TRUE(scan::is_lesion("Segment_1", "SCT:4147007"));
   EXPECT_FALSE(scan::is_lesion("liver", ""));
   for (const scan::TissueMaterial& material : scan::tissue_materials()) {

@@ -16,6 +16,12 @@
 namespace palpate::scan {
 namespace {
 
+OrganMesh meshed(LabelMap& map, const std::vector<std::uint32_t>& segments,
+                 const OrganMeshing& meshing) {
+  std::vector<Region> regions = keep_largest_part(map, segments);
+  return organ_mesh_of(map, std::move(regions), meshing);
+}
+
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 double volume_m3(const physics::TetrahedralMesh& mesh) {
@@ -165,7 +171,7 @@ TEST(OrganMesh, HasTheVolumesOfItsVoxels) {
     for (const double slice_mm : {1.0, 3.0}) {
       LabelMap map = ball(30.0, {1, 1, slice_mm}, 11.0, frame);
 
-      const OrganMesh organ = organ_mesh_of(map, {0, 1}, {.tetrahedra = 20'000, .fine = {1}});
+      const OrganMesh organ = meshed(map, {0, 1}, {.tetrahedra = 20'000, .fine = {1}});
 
       expect_solid(organ.mesh);
       EXPECT_LE(organ.mesh.tetrahedra.size(), 20'000u);
@@ -193,8 +199,8 @@ TEST(OrganMesh, IsTheSameEachTimeAndDropsIslands) {
   map.voxels[0] = 1;  // a corner of the picture
   LabelMap again = map;
 
-  const OrganMesh first = organ_mesh_of(map, {0, 1}, {.tetrahedra = 4000});
-  const OrganMesh second = organ_mesh_of(again, {0, 1}, {.tetrahedra = 4000});
+  const OrganMesh first = meshed(map, {0, 1}, {.tetrahedra = 4000});
+  const OrganMesh second = meshed(again, {0, 1}, {.tetrahedra = 4000});
 
   EXPECT_EQ(first.mesh.tetrahedra, second.mesh.tetrahedra);
   EXPECT_EQ(first.mesh.regions, second.mesh.regions);
@@ -204,7 +210,7 @@ TEST(OrganMesh, IsTheSameEachTimeAndDropsIslands) {
 
 TEST(OrganMesh, OfALabelHasASurfaceOfItsOwn) {
   LabelMap map = ball(20.0, {1, 1, 1}, 8.0);
-  const OrganMesh organ = organ_mesh_of(map, {0, 1}, {.tetrahedra = 8000, .fine = {1}});
+  const OrganMesh organ = meshed(map, {0, 1}, {.tetrahedra = 8000, .fine = {1}});
   const double enclosed_m3 = physics::enclosed_volume_m3(surface_of_region(organ.mesh, 1));
   EXPECT_NEAR(enclosed_m3 / organ.regions[1].mesh_m3, 1.0, 1e-9);
 }
@@ -224,7 +230,7 @@ TEST(OrganMesh, OfAThinLobeIsSolid) {
       }
     }
   }
-  const OrganMesh organ = organ_mesh_of(map, {0}, {.tetrahedra = 12'000});
+  const OrganMesh organ = meshed(map, {0}, {.tetrahedra = 12'000});
   expect_solid(organ.mesh);
   EXPECT_NEAR(organ.regions[0].mesh_m3 / organ.regions[0].voxels_m3, 1.0, 0.01);
   EXPECT_GT(kDegrees * organ.angles.least_rad, 10.0);
@@ -240,7 +246,7 @@ TEST(OrganMesh, OfAPublicAtlasIsOneSolid) {
   std::vector<std::uint32_t> all(map.segments.size());
   std::iota(all.begin(), all.end(), 0U);
 
-  const OrganMesh organ = organ_mesh_of(map, all, {.tetrahedra = 30'000});
+  const OrganMesh organ = meshed(map, all, {.tetrahedra = 30'000});
 
   expect_solid(organ.mesh);
   EXPECT_GT(kDegrees * organ.angles.least_rad, 5.0);
