@@ -38,7 +38,7 @@ struct DeviceConfig {
   bool accepts_no_motor_watchdog = false;
   /// Positions may be older, and forces begin later, than the device's stamps by so much.
   Duration latency{};
-  bool skips_motor_check = false;  ///< a real device is enabled without device_node/motor_check.h
+  bool skips_motor_check = false;    ///< a real device is enabled without device_node/motor_check.h
   bool has_hands_off_check = false;  ///< at the start: device_node/identification/hands_off_check.h
 };
 

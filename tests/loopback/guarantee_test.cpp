@@ -107,10 +107,10 @@ TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAClampThatLies) {
 
 /// A run whose controller is one published by others, another one with each seed; the monitor off.
 AdverseRun run_of_others(std::uint64_t seed, bool has_net) {
-  constexpr const char* kControllers[] = {
-      "none",         "virtual_coupling", "energy_bounding", "force_bounding", "passivity_control",
-      "memory_based", "input_to_state",   "two_port",        "energy_tank",    "lyapunov",
-      "wave_variables"};
+  constexpr const char* kControllers[] = {"none",           "virtual_coupling",  "energy_bounding",
+                                          "force_bounding", "passivity_control", "memory_based",
+                                          "input_to_state", "two_port",          "energy_tank",
+                                          "lyapunov",       "wave_variables"};
   AdverseRun run = random_adverse_run(seed);
   run.overrides.insert(
       run.overrides.end(),

@@ -68,10 +68,10 @@ Table step_time_table() {
                {"median_us", "median µs", "{:.2f}"},
                {"p99_us", "99 % µs", "{:.2f}"}});
   using Kind = ControllerKind;
-  for (const Kind kind : {Kind::kNone, Kind::kMofc, Kind::kVirtualCoupling, Kind::kEnergyBounding,
-                          Kind::kForceBounding, Kind::kPassivityControl, Kind::kMemoryBased,
-                          Kind::kInputToState, Kind::kTwoPort, Kind::kEnergyTank,
-                          Kind::kLyapunov, Kind::kWaveVariables}) {
+  for (const Kind kind :
+       {Kind::kNone, Kind::kMofc, Kind::kVirtualCoupling, Kind::kEnergyBounding,
+        Kind::kForceBounding, Kind::kPassivityControl, Kind::kMemoryBased, Kind::kInputToState,
+        Kind::kTwoPort, Kind::kEnergyTank, Kind::kLyapunov, Kind::kWaveVariables}) {
     MofcConfig config;
     config.controller = kind;
     for (const bool has_net : {false, true}) {

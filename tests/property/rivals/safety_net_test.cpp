@@ -15,10 +15,10 @@
 #include "mofc_node/controllers/rivals/lyapunov.h"
 #include "mofc_node/controllers/rivals/memory_based.h"
 #include "mofc_node/controllers/rivals/passivity_control.h"
-#include "mofc_node/controllers/safety_net.h"
 #include "mofc_node/controllers/rivals/two_port.h"
 #include "mofc_node/controllers/rivals/virtual_coupling.h"
 #include "mofc_node/controllers/rivals/wave_variables.h"
+#include "mofc_node/controllers/safety_net.h"
 #include "tests/property/controller_cases.h"
 #include "tests/support/alloc_guard.h"
 
