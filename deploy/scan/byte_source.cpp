@@ -48,7 +48,7 @@ ByteSource::~ByteSource() {
 std::size_t ByteSource::some(std::span<char> into) {
   if (!stream_) {
     const std::size_t count = std::min(into.size(), bytes_.size() - at_);
-    std::memcpy(into.data(), bytes_.data() + at_, count);
+    std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at_), count, into.begin());
     at_ += count;
     return count;
   }
