@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// nrrd_fuzz.cpp — any bytes as a label map: a map whose voxels are all in its segments and places,
-// or a SetupError; never a crash, a hang or another exception.
+// label_map_fuzz.cpp — any bytes as a label map, read by PALPATE_PARSE: a map whose voxels are all
+// in its segments and places, or a SetupError; never a crash, a hang or another exception.
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -11,7 +11,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using palpate::Vector3;
   try {
-    const palpate::scan::LabelMap map = palpate::scan::parse_nrrd(
+    const palpate::scan::LabelMap map = palpate::scan::PALPATE_PARSE(
         std::string_view(reinterpret_cast<const char*>(data), size), "fuzz");
     PALPATE_REQUIRE(map.voxels.size() == std::size_t{map.size[0]} * map.size[1] * map.size[2]);
     std::uint64_t counted = 0;
