@@ -20,7 +20,7 @@
 #include "tests/support/device_node_bench.h"
 #include "tests/support/wired/hostile_commands.h"
 #include "tests/support/wired/viced_runs.h"
-#include "tests/support/wired/wired_device.h"
+#include "tests/support/wired/wired_on_bench.h"
 
 namespace palpate::bench {
 namespace {
@@ -108,48 +108,8 @@ bool has(WiredDriver driver, WireFault kind) {
   }
 }
 
-struct Spec {
-  Side side;
-  WiredDriver driver;
-  std::vector<device::PlannedFault> faults;
-};
-
-/// A wired device as DeviceNodeBench makes one.
-class Opened final : public device::HapticDevice, public device::TrueStateSource {
- public:
-  Opened(const Clock& clock, const Spec& spec)
-      : device_(test::open_wired(spec.driver, spec.side, clock, 1, 20ms, spec.faults, 1s)) {}
-
-  [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
-    return device_->specification();
-  }
-  [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
-    return device_->read(sample);
-  }
-  [[nodiscard]] bool apply(const Vector3& force_newton, Duration lease,
-                           device::DeviceSample& at_switch) noexcept override {
-    return device_->apply(force_newton, lease, at_switch);
-  }
-  [[nodiscard]] bool release() noexcept override { return device_->release(); }
-  [[nodiscard]] DevicePhase phase() const noexcept override { return device_->phase(); }
-  [[nodiscard]] bool calibrate() noexcept override { return device_->calibrate(); }
-  [[nodiscard]] device::DeviceError last_error() const noexcept override {
-    return device_->last_error();
-  }
-  [[nodiscard]] bool reopen(Duration within) noexcept override { return device_->reopen(within); }
-  [[nodiscard]] device::TrueState true_state() const noexcept override {
-    return dynamic_cast<device::TrueStateSource&>(*device_).true_state();
-  }
-  [[nodiscard]] std::vector<device::FaultOutcome> outcomes() {
-    return dynamic_cast<test::FaultOutcomeSource&>(*device_).outcomes();
-  }
-
- private:
-  std::unique_ptr<device::HapticDevice> device_;
-};
-
 void print_row(const Wired& wired, const Vice& vice) {
-  Spec spec{.side = {}, .driver = wired.driver, .faults = {}};
+  test::WiredSpec spec{.side = {}, .driver = wired.driver, .faults = {}};
   DeviceConfig& config = spec.side.device;
   config = test::device_config();
   config.longest_lease = 10ms;
@@ -171,7 +131,7 @@ void print_row(const Wired& wired, const Vice& vice) {
                            .from_s = is_at_start ? kOpened_s : kFrom_s,
                            .length_s = is_at_start ? kEnabled_s : kLength_s});
   }
-  test::DeviceNodeBench<Opened> bench(config, spec);
+  test::DeviceNodeBench<test::WiredOnBench> bench(config, spec);
   bench.node.acknowledge();
   test::HostileCommands commands(2, 3.3);
   double most_unbooked = 0.0;

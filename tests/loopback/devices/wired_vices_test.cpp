@@ -6,13 +6,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "device_node/simulation/hand.h"
 #include "tests/support/device_node_bench.h"
-#include "tests/support/wired/wired_device.h"
+#include "tests/support/wired/wired_on_bench.h"
 
 namespace palpate::test {
 namespace {
@@ -20,42 +19,17 @@ namespace {
 using namespace std::chrono_literals;
 using device::WireFault;
 
-struct Spec {
-  Side side;
-  WiredDriver driver;
-  std::vector<device::PlannedFault> faults;
-};
-
-class Opened final : public device::HapticDevice, public device::TrueStateSource {
+class Opened final : public WiredOnBench {
  public:
-  Opened(const Clock& clock, const Spec& spec)
-      : device_(open_wired(spec.driver, spec.side, clock, 1, 20ms, spec.faults, 1s)) {}
-  [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
-    return device_->specification();
-  }
+  using WiredOnBench::WiredOnBench;
   [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
     ++reads;
-    if (!device_->read(sample)) return false;
+    if (!WiredOnBench::read(sample)) return false;
     sample.buttons = buttons;
     return true;
   }
-  [[nodiscard]] bool apply(const Vector3& force, Duration lease,
-                           device::DeviceSample& at_switch) noexcept override {
-    return device_->apply(force, lease, at_switch);
-  }
-  [[nodiscard]] bool release() noexcept override { return device_->release(); }
-  [[nodiscard]] DevicePhase phase() const noexcept override { return device_->phase(); }
-  [[nodiscard]] device::DeviceError last_error() const noexcept override {
-    return device_->last_error();
-  }
-  [[nodiscard]] device::TrueState true_state() const noexcept override {
-    return dynamic_cast<device::TrueStateSource&>(*device_).true_state();
-  }
   int reads = 0;
   std::uint32_t buttons = 0;
-
- private:
-  std::unique_ptr<device::HapticDevice> device_;
 };
 
 DeviceConfig checked_config() {
@@ -76,9 +50,9 @@ HandConfig firm(const PathConfig& path) {
 
 class WiredVices : public testing::TestWithParam<WiredDriver> {
  protected:
-  static Spec spec(const DeviceConfig& config, const HandConfig& hand, WireFault fault,
-                   double from_s = 1e-4) {
-    Spec spec{.side = {}, .driver = GetParam(), .faults = {}};
+  static WiredSpec spec(const DeviceConfig& config, const HandConfig& hand, WireFault fault,
+                        double from_s = 1e-4) {
+    WiredSpec spec{.side = {}, .driver = GetParam(), .faults = {}};
     spec.side.device = config;
     spec.side.hand = hand;
     // its own encoders round
