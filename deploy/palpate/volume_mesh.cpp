@@ -22,6 +22,7 @@
 #include "common/core/user/files.h"
 #include "common/core/user/temp_folder.h"
 #include "common/process/terminal.h"
+#include "deploy/scan/organ_mesh.h"
 #include "physics_node/elastic/mesh.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
@@ -155,35 +156,6 @@ std::string first_error(const std::string& log) {
   return log.substr(begin, log.find('\n', begin) - begin);
 }
 
-/// Angles between two faces of a tetrahedron.
-struct DihedralAngles {
-  double least_rad = std::numbers::pi;
-  double largest_rad = 0.0;
-};
-
-DihedralAngles dihedral_angles(const physics::TetrahedralMesh& mesh) {
-  DihedralAngles angles;
-  for (const auto& corners : mesh.tetrahedra) {
-    std::array<Vector3, 4> outward;
-    for (std::size_t k = 0; k < 4; ++k) {
-      const auto& face = elastic::kFaces[k];
-      const auto at = [&](std::size_t i) {
-        return mesh.nodes_m[corners[static_cast<std::size_t>(face[i])]];
-      };
-      outward[k] = (at(1) - at(0)).cross(at(2) - at(0)).normalized();
-    }
-    for (std::size_t a = 0; a < 4; ++a) {
-      for (std::size_t b = a + 1; b < 4; ++b) {
-        const double angle =
-            std::numbers::pi - std::acos(std::clamp(outward[a].dot(outward[b]), -1.0, 1.0));
-        angles.least_rad = std::min(angles.least_rad, angle);
-        angles.largest_rad = std::max(angles.largest_rad, angle);
-      }
-    }
-  }
-  return angles;
-}
-
 elastic::MeshQuality quality_of(const physics::TetrahedralMesh& mesh) {
   elastic::Mesh same;
   same.nodes_m.assign(mesh.nodes_m.begin(), mesh.nodes_m.end());
@@ -242,7 +214,7 @@ physics::TetrahedralMesh volume_mesh_of(const physics::TriangleMesh& surface,
 
 std::string quality_report(const physics::TetrahedralMesh& mesh, double surface_volume_m3) {
   const elastic::MeshQuality quality = quality_of(mesh);
-  const DihedralAngles angles = dihedral_angles(mesh);
+  const scan::FaceAngles angles = scan::face_angles_of(mesh);
   constexpr double kDegrees = 180.0 / std::numbers::pi;
   std::array<char, 600> text{};
   std::snprintf(text.data(), text.size(),

@@ -7,10 +7,11 @@ namespace palpate::scan {
 namespace {
 
 constexpr std::size_t kPrefix = 5;  // a shorter word stands for itself alone
-constexpr std::string_view kLesionWords =
-    "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass masses hcc";
+constexpr const char* kLesionWords =
+    "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass masses";
 // SNOMED: mass, neoplasm, primary neoplasm, metastasis.
-constexpr std::string_view kLesionCodes = "SCT:4147007 SCT:108369006 SCT:86049000 SCT:14799000";
+constexpr const char* kLesionCodes = "SCT:4147007 SCT:108369006 SCT:86049000 SCT:14799000";
+constexpr const char* kCarcinomaCode = "SCT:25370001";
 
 /// Calls `visit` with each word of a list; true as soon as it returns true.
 template <class Visit>
@@ -47,13 +48,12 @@ const std::array<TissueMaterial, 6>& tissue_materials() {
   static constexpr std::array<TissueMaterial, 6> kTable = {{
       {"hepatocellular carcinoma", 68e3, 57e3, 68e3,
        "shear modulus 23.4 kPa (diseased liver 19.8 kPa), times 2.9", "PMC6925591, table 1",
-       "2026-11", "hepatocellular hcc", "", "SCT:25370001"},
+       "2026-11", "hepatocellular hcc", "", kCarcinomaCode},
       {"focal lesion", 20.2e3, 10.7e3, 35.9e3,
        "shear-wave elastography, median of malignant lesions; benign 10.7, cholangiocarcinoma 35.9 "
        "kPa",
-       "Egyptian Journal of Radiology and Nuclear Medicine 2020", "2026-11",
-       "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass masses", "",
-       "SCT:4147007 SCT:108369006 SCT:86049000 SCT:14799000"},
+       "Egyptian Journal of Radiology and Nuclear Medicine 2020", "2026-11", kLesionWords, "",
+       kLesionCodes},
       {"hepatic artery", 210e3, 163e3, 257e3, "as printed there", "PMC6925591, table 1", "2026-11",
        "artery arteries", "", "SCT:76015000 SCT:51114001"},
       {"gallbladder", 85e3, 85e3, 85e3, "as printed there", "PMC6925591, table 1", "2026-11",
@@ -78,8 +78,8 @@ const TissueMaterial* material_for(std::string_view name, std::string_view code)
 }
 
 bool is_lesion(std::string_view name, std::string_view code) {
-  return has_code(code, kLesionCodes) || has_code(code, "SCT:25370001") ||
-         has_word(name, kLesionWords);
+  return has_code(code, kLesionCodes) || has_code(code, kCarcinomaCode) ||
+         has_word(name, kLesionWords) || has_word(name, "hcc");
 }
 
 }  // namespace palpate::scan

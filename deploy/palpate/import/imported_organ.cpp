@@ -68,6 +68,10 @@ std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
   return found;
 }
 
+bool is_in(const std::vector<std::uint32_t>& segments, std::uint32_t segment) {
+  return std::find(segments.begin(), segments.end(), segment) != segments.end();
+}
+
 std::string file_name_of(const std::string& label) {
   std::string name = "surface_" + label.substr(0, kMostFileNameBytes);
   for (char& c : name) {
@@ -134,7 +138,7 @@ class Import {
     fixed_ = segments_named(map_, options_.fixed, "--fixed");
     for (const auto* list : {&lesions_, &fixed_}) {
       for (const std::uint32_t segment : *list) {
-        if (std::find(segments_.begin(), segments_.end(), segment) == segments_.end()) {
+        if (!is_in(segments_, segment)) {
           throw SetupError("\"" + map_.segments[segment].name +
                            "\" is not one of --label; add it there");
         }
@@ -154,16 +158,15 @@ class Import {
         return region.segment == segment && region.voxels > region.dropped_voxels;
       });
     };
-    const auto refuse = [&](const std::vector<std::string>& named, const char* option) {
-      for (const std::uint32_t segment : segments_named(map_, named, option)) {
-        if (!is_gone(segment)) continue;
-        throw SetupError(std::string(option) + " \"" + map_.segments[segment].name +
-                         "\": all its voxels lie apart from the largest part of the body, and only "
-                         "that part is meshed; choose the labels of one body with --label");
-      }
+    const auto refuse = [&](const std::vector<std::uint32_t>& segments, const char* option) {
+      const auto gone = std::find_if(segments.begin(), segments.end(), is_gone);
+      if (gone == segments.end()) return;
+      throw SetupError(std::string(option) + " \"" + map_.segments[*gone].name +
+                       "\": all its voxels lie apart from the largest part of the body, and only "
+                       "that part is meshed; choose the labels of one body with --label");
     };
-    refuse(options_.lesions, "--lesion");
-    refuse(options_.fixed, "--fixed");
+    if (!options_.lesions.empty()) refuse(lesions_, "--lesion");
+    refuse(fixed_, "--fixed");
     std::erase_if(lesions_, is_gone);
   }
 
@@ -173,8 +176,7 @@ class Import {
     std::optional<std::uint32_t> largest;
     double most_m3 = 0.0;
     for (const scan::Region& region : regions) {
-      if (std::find(lesions_.begin(), lesions_.end(), region.segment) == lesions_.end()) continue;
-      if (region.voxels_m3 <= most_m3) continue;
+      if (!is_in(lesions_, region.segment) || region.voxels_m3 <= most_m3) continue;
       most_m3 = region.voxels_m3;
       largest = region.segment;
     }
@@ -218,10 +220,9 @@ class Import {
     }
   }
   [[nodiscard]] bool is_part(std::size_t r) const {
-    const bool is_lesion =
-        std::find(lesions_.begin(), lesions_.end(), organ_.regions[r].segment) != lesions_.end();
     return r != base_ && organ_.regions[r].elements > 0 &&
-           (is_lesion || chosen_[r].young_pa != chosen_[base_].young_pa);
+           (is_in(lesions_, organ_.regions[r].segment) ||
+            chosen_[r].young_pa != chosen_[base_].young_pa);
   }
 
   /// A physical volume without elements has no place in a mesh.
@@ -331,9 +332,7 @@ class Import {
   }
 
   [[nodiscard]] const char* warning_of(const scan::Region& region, double error) const {
-    const bool matters =
-        std::find(lesions_.begin(), lesions_.end(), region.segment) != lesions_.end() ||
-        std::find(fixed_.begin(), fixed_.end(), region.segment) != fixed_.end();
+    const bool matters = is_in(lesions_, region.segment) || is_in(fixed_, region.segment);
     if (region.elements == 0) return "  WARNING: nothing of it is in the mesh";
     if (matters && std::abs(error) > 10.0)
       return "  WARNING: more than 10 %; give more --tetrahedra or a smaller --cell-mm";
