@@ -8,5 +8,6 @@ find_package(cppzmq REQUIRED)                 # cppzmq
 find_package(spdlog REQUIRED)                 # spdlog::spdlog
 find_package(CLI11 REQUIRED)                  # CLI11::CLI11
 find_package(nlohmann_json REQUIRED)          # nlohmann_json::nlohmann_json
+find_package(EXPAT REQUIRED)                  # EXPAT::EXPAT
 find_package(ZLIB REQUIRED)                   # ZLIB::ZLIB (CRC-32, gzip)
 find_package(Boost 1.74 REQUIRED COMPONENTS filesystem)  # Boost::headers (Asio, Process, Beast)

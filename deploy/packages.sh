@@ -16,7 +16,7 @@ packages=(
   cppzmq-dev libzmq3-dev
   libprotobuf-dev protobuf-compiler
   libboost-dev libboost-filesystem-dev
-  libcli11-dev libeigen3-dev libspdlog-dev nlohmann-json3-dev zlib1g-dev
+  libcli11-dev libeigen3-dev libexpat1-dev libspdlog-dev nlohmann-json3-dev zlib1g-dev
 )
 # npm builds the page of the viewer; a Node.js from elsewhere may contain it
 command -v npm >/dev/null || packages+=(nodejs npm)

@@ -18,7 +18,7 @@ namespace palpate::device {
 /// segment of zero force; unless the device has latched the position, the encoder was not read at
 /// that instant, and the first of the two has no position at its end.
 ///
-/// Keeps the newest kMaxAppliedForces: who missed older ones finds a gap.
+/// Keeps the newest kMaxAppliedForces: a receiver that missed older segments sees a gap.
 class AppliedForces {
  public:
   /// @param ends_by_itself  whether a force ends with its lease, whatever this process does

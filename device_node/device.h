@@ -4,7 +4,9 @@
 // a driver converts its own axes and units once, here.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 
 #include "common/core/time.h"
@@ -61,6 +63,16 @@ enum class DeviceError : std::uint8_t {
   kNotReady = 5,   ///< it has no supply or no calibration
 };
 
+/// Sees the raw messages of a device's wire as they pass, on the device's thread. Neither blocks
+/// nor allocates.
+class WireTap {
+ public:
+  virtual ~WireTap() = default;
+  /// @param bytes  of one message; none: an answer that did not come
+  virtual void transferred(TimePoint at, bool is_sent,
+                           std::span<const std::byte> bytes) noexcept = 0;
+};
+
 /// One thread. read(), apply() and release() do not allocate, lock, log or throw; they may block
 /// only as long as the hardware's own transfer takes. The destructor releases the motors.
 class HapticDevice {
@@ -102,6 +114,10 @@ class HapticDevice {
 
   /// Why the last read() or apply() returned false.
   [[nodiscard]] virtual DeviceError last_error() const noexcept { return DeviceError::kFailed; }
+
+  /// From now on `tap` sees the raw messages, where the device has a wire; null: nobody does. It
+  /// must outlive the device.
+  virtual void tap(WireTap* tap) noexcept { static_cast<void>(tap); }
 
   /// After a fault, before the next reading: opens the device once more if it has to be. Motors
   /// limp. Its calibration counts again only if the device itself says that it has one: see

@@ -16,12 +16,16 @@ constexpr Duration kResetWithin = std::chrono::milliseconds(500);
 
 }  // namespace
 
+/// No command and no push of the check is stronger.
+double DeviceNode::motor_limit_newton() const noexcept {
+  return std::min(config_.peak_force_newton,
+                  largest_force_newton(config_, device_.specification()));
+}
+
 /// A force that the device's friction absorbs needs none, whatever its sign.
 bool DeviceNode::has_motor_check() const noexcept {
   return !device_.specification().is_simulated && !config_.skips_motor_check &&
-         std::min(config_.peak_force_newton,
-                  largest_force_newton(config_, device_.specification())) >
-             config_.profile.coulomb_newton;
+         motor_limit_newton() > config_.profile.coulomb_newton;
 }
 
 /// Whether a person has acknowledged the device, and holds the dead-man button, if there is one. A
@@ -50,7 +54,7 @@ FaultReason DeviceNode::check_motors(const DeviceSample& sample, TimePoint deadl
       switch_to({.force_on_hand_newton = push_newton, .lease = config_.lease}, deadline, record);
   is_pushing_ = false;
   guard_.reset();
-  frozen_.begin();
+  restart_frozen();
   if (reason != FaultReason::kNone) return reason;
   motor_check_.applied(record.force_on_hand_newton);
   counters_.checked_motor_gain = motor_check_.gain_at_least();
@@ -79,7 +83,8 @@ void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   was_let_go_ = false;
   must_check_motors_ = has_motor_check();
   motor_check_.begin();
-  frozen_.begin();
+  note({.kind = JournalKind::kFault, .at = clock_.now(), .fault = reason});
+  restart_frozen();
   counters_.last_fault = reason;
   ++counters_.device_faults;
   record_acted(record);
@@ -111,7 +116,7 @@ void DeviceNode::acknowledge() noexcept {
 bool DeviceNode::clear_fault() noexcept {
   if (!release_once()) return false;
   fault_ = FaultReason::kNone;
-  has_reading_ = false;
+  judge_.begin();
   // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
   // gap
   applied_ = AppliedForces(device_.specification().has_motor_watchdog);

@@ -67,7 +67,7 @@ void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
                        Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
                        TickSink<DeviceTick>& ticks_out, std::uint64_t session_id,
-                       ReadingObserver* observer)
+                       ReadingObserver* observer, Journal* journal)
     : config_(config),
       device_(device),
       clock_(clock),
@@ -76,26 +76,31 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       ticks_out_(ticks_out),
       session_id_(session_id),
       observer_(observer),
+      journal_(journal),
       workspace_(config.workspace),
       guard_(config, largest_force_newton(config, device.specification())),
-      monitor_(config, {.are_by_themselves = device.specification().has_motor_watchdog,
+      monitor_(
+          ForceMonitor(config,
+                       {.are_by_themselves = device.specification().has_motor_watchdog,
                         .reach_m = 2.0 * device.specification().workspace_half_extent_m.norm()}),
+          journal),
       watch_(config),
       frozen_(config),
       motor_check_({.rate_hz = config.rate_hz,
                     .profile = config.profile,
                     .force_axes = device.specification().force_axes,
-                    .limit_newton = std::min(config.peak_force_newton,
-                                             largest_force_newton(config, device.specification())),
+                    .limit_newton = motor_limit_newton(),
                     .latency = config.latency}),
       applied_(device.specification().has_motor_watchdog),
-      rounding_m_(std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
-                                            device.specification().position_resolution_m)),
+      judge_(config.v_fault_m_per_s,
+             std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
+                                       device.specification().position_resolution_m)),
       is_acknowledged_(device.specification().is_simulated),
       must_check_motors_(has_motor_check()) {}
 
 void DeviceNode::step(const Tick& tick) noexcept {
   count_appointment(tick);
+  note_state(tick.now);
   DeviceTick record{.sequence = sequence_++,
                     .sampled_at = tick.now,
                     .switched_at = tick.now,
@@ -140,15 +145,22 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
 
   // send: hop 1. What has arrived by now cannot be an answer to it
   force_in_.newest();
-  force_in_.expect_answers_until({session_id_, state.header.sequence, state.header.sampled_at});
+  force_in_.reject_answers_newer_than(
+      {session_id_, state.header.sequence, state.header.sampled_at});
   const TimePoint sent_at = clock_.now();
   state_out_.send(state);
 
   // wait: hop 4
   const TimePoint deadline = sample.sampled_at + config_.reply;
-  if (!device_.specification().is_simulated &&
-      !frozen_.read(sample.sampled_at, sample.hand_position_m, counted_force_newton_)) {
-    return FaultReason::kPositionFrozen;
+  if (!device_.specification().is_simulated) {
+    const bool is_plausible =
+        frozen_.read(sample.sampled_at, sample.hand_position_m, counted_force_newton_);
+    note({.kind = JournalKind::kFrozen,
+          .at = sample.sampled_at,
+          .position_m = sample.hand_position_m,
+          .force_newton = counted_force_newton_,
+          .is_good = is_plausible});
+    if (!is_plausible) return FaultReason::kPositionFrozen;
   }
   const bool may_push_now = may_push(sample);
   if (must_check_motors_ && may_push_now) return check_motors(sample, deadline, record);
@@ -265,23 +277,20 @@ void DeviceNode::record_without_exchange(DeviceTick& record) noexcept {
   notify_observer(record);
 }
 
-/// Whether a hand can have made this reading after the last one. The time between the two includes
-/// any time for which the process was stopped; rounding may add one encoder step per axis.
+/// Whether a hand can have made this reading after the last one.
 FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
   if (!is_finite(sample)) return FaultReason::kReadingNotFinite;
-  const double moved_m = (sample.hand_position_m - last_position_m_).norm();
-  const Duration elapsed =
-      sample.sampled_at - last_reading_at_ + sample.skew + config_.latency;  // at most
-  const double possible_m = config_.v_fault_m_per_s * to_seconds(elapsed) + rounding_m_;
-  const bool is_jump = has_reading_ && moved_m > possible_m;
-  if (has_reading_) {
-    watch_.moved(sample.hand_position_m - last_position_m_, elapsed);
-  }
-  last_position_m_ = sample.hand_position_m;
+  const bool has_earlier = judge_.has_reading();
+  const Duration late = sample.skew + config_.latency;
+  const bool is_possible = judge_.read(sample.sampled_at, sample.hand_position_m, late);
+  note({.kind = JournalKind::kJudge,
+        .at = sample.sampled_at,
+        .position_m = sample.hand_position_m,
+        .lease = late,
+        .is_good = is_possible});
+  if (has_earlier) watch_.moved(judge_.moved_m(), judge_.elapsed());
   last_orientation_ = sample.orientation;
-  last_reading_at_ = sample.sampled_at;
-  has_reading_ = true;
-  return is_jump ? FaultReason::kPositionJumped : FaultReason::kNone;
+  return is_possible ? FaultReason::kNone : FaultReason::kPositionJumped;
 }
 
 /// judge(), after the position that the device latched as the last force ended by itself, if it
@@ -289,7 +298,7 @@ FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
 FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept {
   DeviceSample latched;
   if (applied_.has_run_out(sample.sampled_at) && device_.take_latched(latched) &&
-      latched.sampled_at >= last_reading_at_ && latched.sampled_at <= sample.sampled_at) {
+      latched.sampled_at >= judge_.read_at() && latched.sampled_at <= sample.sampled_at) {
     const FaultReason reason = judge(latched);
     if (reason != FaultReason::kNone) return reason;
     applied_.ran_out(latched.hand_position_m);
@@ -347,7 +356,7 @@ const Received<ForceCommand>* DeviceNode::wait_for_answer(std::uint64_t sequence
   for (;;) {
     const Received<ForceCommand>* newest = force_in_.newest();
     if (newest != nullptr && newest->value.answers_session_id == session_id_) {
-      if (newest->value.answers_sampled_at <= last_reading_at_) {
+      if (newest->value.answers_sampled_at <= judge_.read_at()) {
         applied_.acknowledged(newest->value.answers_sampled_at);
       }
       if (newest->value.answers_sequence == sequence) return newest;
@@ -357,9 +366,31 @@ const Received<ForceCommand>* DeviceNode::wait_for_answer(std::uint64_t sequence
   }
 }
 
+void DeviceNode::note(const JournalEntry& entry) noexcept {
+  if (journal_ == nullptr) return;
+  JournalEntry noted = entry;
+  noted.monitor_joule = monitor_.joule();
+  journal_->keep(noted);
+}
+
+/// From which the entries that follow can be computed again.
+void DeviceNode::note_state(TimePoint now) noexcept {
+  if (journal_ == nullptr || !journal_->is_state_due(now)) return;
+  journal_->keep(JournalState{.index = journal_->next_index(),
+                              .at = now,
+                              .monitor = monitor_.monitor(),
+                              .frozen = frozen_,
+                              .judge = judge_});
+}
+
+void DeviceNode::restart_frozen() noexcept {
+  frozen_.begin();
+  note({.kind = JournalKind::kBegin});
+}
+
 void DeviceNode::record_last_reading(DeviceTick& record) const noexcept {
-  record.measured_hand_position_m = last_position_m_;
-  record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
+  record.measured_hand_position_m = judge_.position_m();
+  record.measured_tool_position_world_m = workspace_.tool_position_world_m(judge_.position_m());
   record.measured_tool_orientation_world = last_orientation_;
 }
 

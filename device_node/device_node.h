@@ -43,9 +43,11 @@
 #include "device_node/applied_forces.h"
 #include "device_node/device.h"
 #include "device_node/force_guard.h"
+#include "device_node/journal.h"
 #include "device_node/monitor/assumption_watch.h"
 #include "device_node/monitor/force_monitor.h"
 #include "device_node/monitor/frozen_watch.h"
+#include "device_node/monitor/reading_judge.h"
 #include "device_node/motor_check.h"
 #include "device_node/reading_observer.h"
 
@@ -68,10 +70,11 @@ class DeviceNode {
   /// All references must outlive the node.
   /// @param session_id  random per process start, not 0
   /// @param observer    may be null
+  /// @param journal     receives what decides about faults; may be null
   DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
              Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
              TickSink<DeviceTick>& ticks_out, std::uint64_t session_id,
-             ReadingObserver* observer = nullptr);
+             ReadingObserver* observer = nullptr, Journal* journal = nullptr);
   ~DeviceNode() { static_cast<void>(stop()); }
   DeviceNode(const DeviceNode&) = delete;
   DeviceNode& operator=(const DeviceNode&) = delete;
@@ -117,6 +120,7 @@ class DeviceNode {
   [[nodiscard]] FaultReason check_motors(const DeviceSample& sample, TimePoint deadline,
                                          DeviceTick& record) noexcept;
   [[nodiscard]] bool clear_fault() noexcept;
+  [[nodiscard]] double motor_limit_newton() const noexcept;
   [[nodiscard]] bool has_motor_check() const noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
@@ -125,6 +129,9 @@ class DeviceNode {
                                               std::uint64_t sequence) noexcept;
   [[nodiscard]] const Received<ForceCommand>* wait_for_answer(std::uint64_t sequence,
                                                               TimePoint until) noexcept;
+  void restart_frozen() noexcept;
+  void note(const JournalEntry& entry) noexcept;
+  void note_state(TimePoint now) noexcept;
   void record_last_reading(DeviceTick& record) const noexcept;
   void record_acted(DeviceTick& record) noexcept;
   [[nodiscard]] ReadingDetails details_of(const DeviceSample& sample) const noexcept;
@@ -144,25 +151,23 @@ class DeviceNode {
   TickSink<DeviceTick>& ticks_out_;
   std::uint64_t session_id_;
   ReadingObserver* observer_;
+  Journal* journal_;
 
   WorkspaceMap workspace_;
   ForceGuard guard_;
-  ForceMonitor monitor_;
+  JournaledMonitor monitor_;
   AssumptionWatch watch_;
   FrozenWatch frozen_;
   MotorCheck motor_check_;
   AppliedForces applied_;
-  double rounding_m_;    // largest error of the distance of two readings
+  ReadingJudge judge_;
   DeviceState state_{};  // of this tick; kilobytes, so it is not made anew
   std::uint64_t sequence_ = 0;
   std::uint64_t next_index_ = 0;
   FaultReason fault_ = FaultReason::kNone;
-  Vector3 last_position_m_ = Vector3::Zero();  // of the last finite reading
   Quaternion last_orientation_ = Quaternion::Identity();
-  TimePoint last_reading_at_{};
   std::optional<TimePoint> recorded_until_;  // what acted, by the records
   int slow_switches_ = 0;                    // in a row
-  bool has_reading_ = false;                 // since the start or the last reset
   bool is_acknowledged_;                     // by a person, since the start or the last fault
   bool was_let_go_ = false;                  // the dead-man button, since then
   bool must_check_motors_;                   // before a force, since the start or the last fault

@@ -42,7 +42,7 @@ struct GuardedForce {
 ///   slew         beyond what already acts along its direction, the force grows by at most slew ·
 ///                the time since the last answer, one period at most; what acts may always drop
 ///
-/// A non-finite command counts as no force and is counted.
+/// A non-finite command is treated as zero and increments non_finite_commands.
 class ForceGuard {
  public:
   /// @param device_peak_newton  the hardware's own limit; the smaller one holds

@@ -100,7 +100,7 @@ void MotorCheck::begin_axis() noexcept {
 
 void MotorCheck::begin_block() noexcept {
   block_position_.setZero();
-  block_asked_ = block_applied_ = 0.0;
+  block_requested_ = block_applied_ = 0.0;
 }
 
 Vector3 MotorCheck::next(TimePoint at, const Vector3& position_m) noexcept {
@@ -110,6 +110,16 @@ Vector3 MotorCheck::next(TimePoint at, const Vector3& position_m) noexcept {
   last_at_ = at;
   if (index_ == 0) first_m_ = position_m;
   has_moved_ = has_moved_ || (position_m - first_m_).cwiseAbs().maxCoeff() > kSame_m;
+
+  // the sign of the push changes twice in each cycle
+  const auto half_waves = static_cast<std::size_t>(2.0 * kCycles);
+  if (index_ == 0 || index_ * half_waves / block_ != (index_ - 1) * half_waves / block_) {
+    half_wave_m_ = position_m;
+  }
+  if ((position_m - half_wave_m_).cwiseAbs().maxCoeff() > kFarthest_m) {
+    verdict_ = MotorVerdict::kTooStrong;
+    return Vector3::Zero();
+  }
 
   const std::size_t ramp = block_ / 2;  // whole cycles
   const double wave =
@@ -126,8 +136,8 @@ Vector3 MotorCheck::next(TimePoint at, const Vector3& position_m) noexcept {
     block_high_m_ = i == 0 ? along_m : std::max(block_high_m_, along_m);
     block_position_ += wave_[i] * position_m.cast<Complex>();
   }
-  asked_newton_ = share * wave;
-  return asked_newton_ * axes_[axis_];
+  requested_newton_ = share * wave;
+  return requested_newton_ * axes_[axis_];
 }
 
 void MotorCheck::applied(const Vector3& force_newton) noexcept {
@@ -143,7 +153,7 @@ void MotorCheck::applied(const Vector3& force_newton) noexcept {
   }
   if (index < ramp) return;
   const std::size_t i = (index - ramp) % block_;
-  block_asked_ += wave_[i] * asked_newton_;
+  block_requested_ += wave_[i] * requested_newton_;
   block_applied_ += wave_[i] * axes_[axis_].dot(force_newton);
   if (i + 1 < block_) return;
   finish_block();
@@ -155,8 +165,8 @@ void MotorCheck::applied(const Vector3& force_newton) noexcept {
 void MotorCheck::finish_block() noexcept {
   // limited and quantised as the motors say, but in the direction that was asked for; it acts from
   // its reading to the next, half a period later on average
-  const double made_ratio = std::abs(block_applied_) / std::abs(block_asked_);
-  const Complex force = (made_ratio > kLeastMade ? made_ratio : 1.0) * block_asked_ *
+  const double made_ratio = std::abs(block_applied_) / std::abs(block_requested_);
+  const Complex force = (made_ratio > kLeastMade ? made_ratio : 1.0) * block_requested_ *
                         std::exp(-1i * (0.5 * omega_rad_per_s_ / rate_hz_));
   force_newton_ = std::abs(force);
   const Complex3 response = block_position_ / force;

@@ -27,7 +27,8 @@ enum class MotorVerdict : std::uint8_t {
   kChecking = 0,
   kGood = 1,
   kWrongWay = 2,   ///< reversed, or along another axis
-  kTooStrong = 3,  ///< at least 1.5 times as strong as told, by the friction of the profile
+  kTooStrong = 3,  ///< at least 1.5 times as strong as told, by the friction of the profile; or the
+                   ///< handle went further than kFarthest_m in half a wave
   kFrozen = 4,     ///< the readings repeat exactly
   kNotSeen = 5,    ///< the readings change, but not with the push
 };
@@ -47,6 +48,9 @@ enum class MotorVerdict : std::uint8_t {
 ///
 /// times as strong as told. That is close to g if nobody holds the arm, less if somebody does, and
 /// known only where the handle moves by no more than the push moves it.
+///
+/// A push ends with the reading that shows that the handle went more than 5 mm along an axis of D
+/// in half a wave.
 ///
 /// One thread. No allocation after construction, no throw.
 class MotorCheck {
@@ -69,6 +73,7 @@ class MotorCheck {
   [[nodiscard]] std::size_t axis_count() const noexcept { return axis_count_; }
 
   static constexpr double kBeyondFriction_newton = 0.3;
+  static constexpr double kFarthest_m = 5e-3;
 
  private:
   using Complex = std::complex<double>;
@@ -96,16 +101,17 @@ class MotorCheck {
   std::size_t index_ = 0;   // of the next reading, since the axis began
   std::size_t ending_ = 0;  // readings until the push has faded out; 0: it goes on
   TimePoint last_at_{};
-  Vector3 first_m_ = Vector3::Zero();  // of the axis
-  bool has_moved_ = false;             // since then
-  double range_m_ = 0.0;               // of the widest block, along the axis
-  double force_newton_ = 0.0;          // |F| of the last block
+  Vector3 first_m_ = Vector3::Zero();      // of the axis
+  bool has_moved_ = false;                 // since then
+  Vector3 half_wave_m_ = Vector3::Zero();  // where the last half wave began
+  double range_m_ = 0.0;                   // of the widest block, along the axis
+  double force_newton_ = 0.0;              // |F| of the last block
   double block_low_m_ = 0.0;
   double block_high_m_ = 0.0;
   Complex3 block_position_ = Complex3::Zero();
-  Complex block_asked_;        // force along the axis
-  Complex block_applied_;      // what the motors say that they made of it
-  double asked_newton_ = 0.0;  // of the last reading
+  Complex block_requested_;        // force along the axis
+  Complex block_applied_;          // what the motors say that they made of it
+  double requested_newton_ = 0.0;  // of the last reading
   int blocks_ = 0;
   Complex3 sum_ = Complex3::Zero();    // of H
   Vector3 squares_ = Vector3::Zero();  // of |H|

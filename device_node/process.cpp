@@ -18,6 +18,7 @@
 #include "device_node/device_node.h"
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/identification/hands_off_check.h"
+#include "device_node/post_mortem.h"
 #include "device_node/simulation/pointer_hold.h"
 #include "device_node/simulation/true_state_recorder.h"
 #include "device_node/suspend_watch.h"
@@ -141,6 +142,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
 void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
+  Journal journal;         // outlives the device
+  PostMortem post_mortem;  // outlives the publisher, whose thread fills it
   const DriverRegistry drivers =
       all_drivers({.simulated = {.device = session.side().simulated,
                                  .hand = session.side().hand,
@@ -191,13 +194,22 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log, session.side().name);
   publisher.record_to(recorder);
+  recorder.append = [&](std::ostream& out) {
+    const DeviceCounters now = counters.load();
+    post_mortem.write(out, device->specification().model_name + ", phase " + name(now.phase) +
+                               ", " + std::to_string(now.device_faults) + " faults, last \"" +
+                               name(now.last_fault) + "\", " +
+                               std::to_string(now.monitor_reductions) +
+                               " commands reduced by the monitor" +
+                               (now.is_release_unconfirmed ? ", release unconfirmed" : ""));
+  };
   publisher.peers_refused = [&] { return side.refused().total(); };
-  DevicePhase phase = DevicePhase::kUnknown;
-  publisher.on_pump = [&](TimePoint now) {
+  publisher.on_pump = [&, phase = DevicePhase::kUnknown](TimePoint now) mutable {
     const DevicePhase phase_before = std::exchange(phase, counters.load().phase);
     if (phase != phase_before && phase == DevicePhase::kConnected) {
       context.log.warn("event=device_prompt: {}", device->specification().calibration);
     }
+    post_mortem.take(journal);
     refused_peers.note(now);
     refused.note(now);
     if (pointer) pointer->pump(now);
@@ -207,7 +219,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   // the tick
   TrueStateRecorder true_state(*device);
   DeviceNode node(config, *device, context.clock, exchange.states, force_in, ticks,
-                  context.session_id, &true_state);
+                  context.session_id, &true_state, &journal);
+  device->tap(&journal);
   node.report_checked_friction(friction_ratio);
   context.log.info("event=realtime {}", enter_realtime(session.side().realtime).text);
   SteadyClock appointments(session.side().realtime.wait);

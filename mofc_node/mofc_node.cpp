@@ -82,8 +82,8 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
        .acting_force_on_hand_newton = state.acting_force_on_hand_newton,
        .acting_lease_s = to_seconds(state.acting_until - state.header.sampled_at),
        .energy_limit_joule = state.monitor_energy_joule,
-       .asked_force_on_hand_newton = requested,
-       .is_asked_fresh = is_fresh(physics.interaction),
+       .requested_force_on_hand_newton = requested,
+       .is_request_fresh = is_fresh(physics.interaction),
        .stored_energy_joule =
            wanted.tissue.stored_energy_joule * workspace.force_ratio / workspace.scale_ratio,
        .hand_velocity_m_per_s = relay_.tool_velocity_world_m_per_s() / workspace.scale_ratio,
@@ -112,7 +112,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   turn_ = {.device_session_id = state.header.session_id,
            .device_sequence = state.header.sequence,
            .device_sampled_at = state.header.sampled_at,
-           .asked_force_on_hand_newton = requested,
+           .requested_force_on_hand_newton = requested,
            .commanded_force_on_hand_newton = faded.force_newton,
            .f_max_newton = output.f_max_newton,
            .ledger_energy_joule = output.ledger_energy_joule,
@@ -184,9 +184,9 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
   };
   std::array<PhysicsAnswer, kPhysicsRoles> answers{take(physics_, PhysicsRole::kFirst), {}};
   if (is_gone(answers[0])) tissue_.drop(PhysicsRole::kFirst, choice_.in_use());
-  relay_.say(PhysicsRole::kFirst,
-             {.receipts = tissue_.receipts(PhysicsRole::kFirst),
-              .elastic_receipts = tissue_.elastic_receipts(PhysicsRole::kFirst)});
+  relay_.set_hints(PhysicsRole::kFirst,
+                   {.receipts = tissue_.receipts(PhysicsRole::kFirst),
+                    .elastic_receipts = tissue_.elastic_receipts(PhysicsRole::kFirst)});
   newest_ = {answers[0].interaction, nullptr};
   if (!standby_) return answers[0];
 
@@ -204,7 +204,8 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
   const PhysicsRole in_use = choice_.step(heard, now);
   relay_.use(in_use, choice_.term());
   for (const PhysicsRole role : {PhysicsRole::kFirst, PhysicsRole::kStandby}) {
-    relay_.say(role, {.receipts = tissue_.receipts(role),
+    relay_.set_hints(role,
+                     {.receipts = tissue_.receipts(role),
                       .elastic_receipts = tissue_.elastic_receipts(role),
                       .scene_time = tissue_.scene_time(role, in_use, state.header.sampled_at)});
   }

@@ -48,10 +48,10 @@ void MotionRelay::send() noexcept {
 }
 
 SendResult MotionRelay::send_to(PhysicsRole receiver) noexcept {
-  const Said& said = said_[index_of(receiver)];
-  motion_.receipts = said.receipts;
-  motion_.elastic_receipts = said.elastic_receipts;
-  motion_.scene_time = said.scene_time;
+  const PhysicsHints& hints = hints_[index_of(receiver)];
+  motion_.receipts = hints.receipts;
+  motion_.elastic_receipts = hints.elastic_receipts;
+  motion_.scene_time = hints.scene_time;
   return (receiver == PhysicsRole::kFirst ? out_ : *standby_out_).send(motion_);
 }
 

@@ -32,14 +32,16 @@ class MotionRelay {
   void update(const DeviceState& state, const Vector3& mean_force_newton) noexcept;
   /// Every motion goes to this physics too; it must outlive the relay.
   void relay_to_standby(Sender<ToolMotion>& out) noexcept { standby_out_ = &out; }
-  /// What the next motions to one physics say, beside the motion.
-  struct Said {
+  /// What the next motions to one physics carry beside the motion.
+  struct PhysicsHints {
     SurfaceReceipts receipts{};
     std::optional<ElasticReceipts> elastic_receipts{};
     std::optional<TimePoint> scene_time{};
   };
-  void say(PhysicsRole receiver, const Said& said) noexcept { said_[index_of(receiver)] = said; }
-  /// What the next motions say of who speaks; the deadband never suppresses a new term.
+  void set_hints(PhysicsRole receiver, const PhysicsHints& hints) noexcept {
+    hints_[index_of(receiver)] = hints;
+  }
+  /// Which physics the next motions name as active; the deadband never suppresses a new term.
   void use(PhysicsRole role, std::uint64_t term) noexcept {
     in_use_ = role;
     motion_.physics_term = term;
@@ -66,7 +68,7 @@ class MotionRelay {
   const Clock& clock_;
   Sender<ToolMotion>& out_;
   Sender<ToolMotion>* standby_out_ = nullptr;
-  std::array<Said, kPhysicsRoles> said_{};
+  std::array<PhysicsHints, kPhysicsRoles> hints_{};
   PhysicsRole in_use_ = PhysicsRole::kFirst;
   std::optional<MotionDeadband> deadband_;
   std::unique_ptr<VelocityEstimator> velocity_;

@@ -41,7 +41,7 @@ class PhysicsInput {
   template <class Note>
   [[nodiscard]] PhysicsAnswer take(const DeviceState& state, TimePoint now,
                                    const Note& note) noexcept {
-    in_.expect_answers_until(
+    in_.reject_answers_newer_than(
         {state.header.session_id, state.header.sequence, state.header.sampled_at});
     const Received<Interaction>* newest = read(note);
     bool is_late = false;

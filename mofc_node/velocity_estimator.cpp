@@ -328,8 +328,7 @@ void KalmanEstimator::correct(Axis& axis, double measured_m, double since_s) con
   // the same count again: news only where another one was expected
   if (!is_new && off_m <= 0.0 && variance_m2 < half_m * half_m / 3.0) return;
 
-  // what the model holds for impossible has happened: it knows less than it thinks, and something
-  // may have struck the hand
+  // innovation outside the gate: inflate the covariance; something may have struck the hand
   const double least_m2 = off_m > 0.0 ? std::pow(off_m / kSurprise, 2) : 0.0;
   if (least_m2 > variance_m2) {
     axis.covariance *= least_m2 / variance_m2;

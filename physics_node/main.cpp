@@ -14,6 +14,7 @@ namespace {
 /// The session of these sides only; of all if none is named.
 palpate::Session with_sides(palpate::Session session, const std::vector<std::string>& names) {
   std::vector<palpate::Side> served;
+  served.reserve(names.size());
   for (const std::string& name : names) {
     served.push_back(palpate::with_only_side(session, name).side());
   }

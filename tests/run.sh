@@ -1,15 +1,16 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # From a bare Debian 12 to every test: installs what is missing, builds, runs. Ends with ctest's
-# summary, of the first build that fails or of the last.
+# summary, of the first build that fails or of the last (--all: with the first pages).
 #
 #   tests/run.sh                   the release build, every test
 #   tests/run.sh --ci              besides, before it: format and clang-tidy of what changed, mutation
 #                                  testing of the controllers and the force guard; after
 #                                  it: the tests that need no real time once more, with assertions
 #                                  and under the address and undefined behaviour sanitizers
-#   tests/run.sh --all             --ci, the thread sanitizer too, and ten times as many seeds in
-#                                  the release build
+#   tests/run.sh --all             --ci, the thread sanitizer too, ten times as many seeds in the
+#                                  release build, an upgrade of the Debian package, and the first
+#                                  pages in a fresh Debian (as root)
 #   tests/run.sh -R 'Codec'        further arguments go to each ctest
 #   tests/run.sh --soak MINUTES [SEED]   instead: a long session with random faults
 set -euo pipefail
@@ -37,6 +38,7 @@ fi
 presets=(release)
 release_seeds="${PALPATE_SEEDS:-1}"
 has_lint=false
+is_all=false
 case "${1:-}" in
   --ci)
     presets=(release asan)
@@ -47,6 +49,7 @@ case "${1:-}" in
     presets=(release asan tsan)
     release_seeds=10  # 10 000 runs of the guarantee
     has_lint=true
+    is_all=true
     shift
     ;;
 esac
@@ -57,6 +60,15 @@ if $has_lint; then
   cmake --build --preset release --parallel "$(nproc)" --target palpate_proto
   tests/lint.sh
   tests/mutation/run --quick
+fi
+
+if $is_all; then
+  tests/package/upgrade
+  if [[ "$(id -u)" -eq 0 ]]; then
+    tests/first_pages/run
+  else
+    echo "not checked: the first pages in a fresh Debian (tests/first_pages/run needs root)"
+  fi
 fi
 
 configure "${presets[0]}"

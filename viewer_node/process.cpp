@@ -107,9 +107,7 @@ class Plot {
 
 TelemetryFeed::TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links,
                              const std::string& relay)
-    : subscriber_(links.side, clock, telemetry_of(session, relay)) {
-  for (const Side& side : session.sides) sides_.push_back(side.name);
-}
+    : sides_(session), subscriber_(links.side, clock, telemetry_of(session, relay)) {}
 
 void TelemetryFeed::pump(std::span<TelemetryMirror> mirrors, TimePoint deadline) {
   subscriber_.wait_until(deadline);
@@ -119,9 +117,9 @@ void TelemetryFeed::pump(std::span<TelemetryMirror> mirrors, TimePoint deadline)
     std::visit(
         [&](const auto& message) {
           if constexpr (requires { message.side; }) {
-            const auto side = std::find(sides_.begin(), sides_.end(), message.side);
-            if (side == sides_.end()) return;
-            mirrors[static_cast<std::size_t>(side - sides_.begin())].take(message, received_at);
+            if (const auto side = sides_.of(message.side)) {
+              mirrors[*side].take(message, received_at);
+            }
           }
         },
         message_);

@@ -12,6 +12,7 @@
 #include "common/link/telemetry_subscriber.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
+#include "viewer_node/feed/side_index.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/live/feed.h"
 #include "viewer_node/recording/recording.h"
@@ -45,7 +46,7 @@ class TelemetryFeed {
   [[nodiscard]] std::uint64_t rejected() const { return subscriber_.rejected(); }
 
  private:
-  std::vector<std::string> sides_;
+  SideIndex sides_;
   TelemetrySubscriber subscriber_;
   TelemetryMessage message_;
 };

@@ -43,7 +43,7 @@ struct Received {
 ///   before the first   newest() and next() return nullptr
 ///   fresh or stale     the caller decides, from received_at
 ///   invalid            refused by the codec before it gets here; counted in counters().rejected
-///   ahead              see expect_answers_until()
+///   ahead              see reject_answers_newer_than()
 ///
 /// Single-threaded. No lock, no throw; allocates only if a fault line is configured.
 template <class T>
@@ -81,7 +81,7 @@ class Inbox {
 
   /// From now on an answer to a later state of this session, or to this one with another stamp, is
   /// dropped and counted in counters().ahead.
-  void expect_answers_until(const DeviceStamp& newest) noexcept { newest_state_ = newest; }
+  void reject_answers_newer_than(const DeviceStamp& newest) noexcept { newest_state_ = newest; }
 
   /// Returns when a message may have arrived, or at `deadline`. May return early.
   void wait_until(TimePoint deadline) noexcept {

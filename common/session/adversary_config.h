@@ -16,6 +16,8 @@ enum class HostilePhysics : std::uint8_t {
   kActiveTissue,  ///< a contact model that pushes along any motion, and the more the further
   kNewSessions,   ///< honest, but killed and restarted: a new session every 0.9 s
   kEverything,    ///< any of the above force laws, changing at random times
+  /// Honest, but points and states of elastic bodies are scaled, turned and exchanged at random.
+  kLyingCompliance = 8,
 };
 
 /// What the clamp answers to the device.

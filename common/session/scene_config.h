@@ -20,7 +20,7 @@ struct FileGeometry {
   enum class Kind : std::uint8_t {
     kPointCloud,       ///< PLY
     kTriangleSurface,  ///< OBJ, STL
-    kTetrahedralMesh,  ///< Gmsh .msh, legacy VTK
+    kTetrahedralMesh,  ///< Gmsh .msh, VTK .vtk and .vtu
   };
   Kind kind = Kind::kPointCloud;
   std::string file;                      ///< path, relative to the working directory
@@ -35,6 +35,7 @@ using Geometry =
 /// A region of a mesh, by the name that its file gives it.
 struct MeshTag {
   std::string name{};
+  double within_m = 0.0;  ///< of one of its nodes
 };
 /// A part of space, in W, or of the mesh.
 using RegionGeometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, MeshTag>;
@@ -44,19 +45,30 @@ struct ElasticMaterial {
   enum class Law : std::uint8_t { kNeoHookean, kCorotational, kStVenantKirchhoff };
   struct Part {
     RegionGeometry where{};
+    std::string tissue{};  ///< name in materials.h; "": given by figures
     double young_pa = 0.0;
     double poisson_ratio = 0.0;
     double density_kg_per_m3 = 0.0;
   };
-  double young_pa = 10e3;
+  /// One spring and dashpot in series of the relaxing part of the modulus (Prony).
+  struct Branch {
+    double share = 0.0;  ///< of the modulus at once, in (0, 1)
+    double tau_s = 0.0;  ///< > 0
+  };
+  std::string tissue{};    ///< name in materials.h; "": given by figures
+  double young_pa = 10e3;  ///< at rest, when all branches have relaxed
   double poisson_ratio = 0.45;
   double density_kg_per_m3 = 1000.0;
   Law law = Law::kNeoHookean;
   double viscosity_s = 0.0;         ///< Rayleigh's β
   double mass_damping_per_s = 0.0;  ///< Rayleigh's α
+  std::vector<Branch> branches{};   ///< shares sum to less than 1
+  /// Of a power law: largest error of the branches' complex modulus over its range, relative.
+  std::optional<double> fit_error_ratio{};
   Vector3 gravity_m_per_s2 = Vector3::Zero();
-  std::vector<RegionGeometry> fixed{};  ///< nodes in any of these are held
-  std::vector<Part> parts{};            ///< the last one that contains an element's centroid counts
+  Vector3 scan_gravity_m_per_s2 = Vector3::Zero();  ///< under which the mesh has its shape
+  std::vector<RegionGeometry> fixed{};              ///< nodes in any of these are held
+  std::vector<Part> parts{};  ///< the last one that contains an element's centroid counts
   double solve_rate_hz = 50.0;
   bool is_linear = false;  ///< elements as in the file; else made quadratic
   double friction_coefficient = 0.0;

@@ -93,7 +93,7 @@ void CsvWriter::write(const TickRow& row) {
   text.number(seconds_of(row.device.sampled_at));
   text.vector(row.device.true_tool_position_world_m);
   text.vector(row.device.measured_tool_position_world_m);
-  text.vector(mofc ? mofc->asked_force_on_hand_newton : unknown);
+  text.vector(mofc ? mofc->requested_force_on_hand_newton : unknown);
   text.vector(row.device.force_on_hand_newton);
   text.vector(row.ideal_force_on_hand_newton);
   text.vector(mofc ? mofc->f_max_newton : unknown);

@@ -47,14 +47,14 @@ void write_flight_row(std::ostream& out, const DeviceTick& t) {
 
 void write_flight_header(std::ostream& out, const MofcTick&) {
   out << "device_session_id,device_sequence,device_sampled_at_ns,"
-      << vector_columns("asked_force_on_hand_newton") << ','
+      << vector_columns("requested_force_on_hand_newton") << ','
       << vector_columns("commanded_force_on_hand_newton") << ',' << vector_columns("f_max_newton")
       << ",ledger_energy_joule,force_age_ns,state,is_clamped,is_in_contact\n";
 }
 
 void write_flight_row(std::ostream& out, const MofcTick& t) {
   out << t.device_session_id << ',' << t.device_sequence << ',' << ns(t.device_sampled_at) << ','
-      << vector(t.asked_force_on_hand_newton) << ',' << vector(t.commanded_force_on_hand_newton)
+      << vector(t.requested_force_on_hand_newton) << ',' << vector(t.commanded_force_on_hand_newton)
       << ',' << vector(t.f_max_newton) << ',' << number(t.ledger_energy_joule) << ','
       << t.force_age.count() << ',' << name(t.state) << ',' << t.is_clamped << ','
       << t.is_in_contact << '\n';

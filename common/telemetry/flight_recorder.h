@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -25,6 +26,14 @@ inline constexpr std::size_t kFlightRecorderTicks = 4096;
 [[nodiscard]] inline std::uint64_t faults(const DeviceCounters& c) { return c.device_faults; }
 [[nodiscard]] inline std::uint64_t faults(const MofcCounters&) { return 0; }
 [[nodiscard]] inline std::uint64_t faults(const PhysicsCounters&) { return 0; }
+
+/// What is worth a file without being a fault: commands that the monitor reduced, or that were not
+/// finite.
+[[nodiscard]] inline std::uint64_t incidents(const DeviceCounters& c) {
+  return c.monitor_reductions + c.non_finite_commands;
+}
+[[nodiscard]] inline std::uint64_t incidents(const MofcCounters&) { return 0; }
+[[nodiscard]] inline std::uint64_t incidents(const PhysicsCounters&) { return 0; }
 
 /// CSV: columns are the fields of the record, vectors as _x, _y, _z, times as _ns on the clock of
 /// the node that the field names, "nan" where the value is unknown.
@@ -64,8 +73,12 @@ class FlightRecorder {
     ring_.reserve(capacity);
   }
 
+  /// Adds lines to each file, after the records. Optional.
+  std::function<void(std::ostream& out)> append;
+
   /// Replaces the oldest record when full.
   void keep(const Record& record) {
+    ++kept_;
     if (ring_.size() < capacity_) {
       ring_.push_back(record);
     } else {
@@ -75,17 +88,29 @@ class FlightRecorder {
   }
 
   /// Call after the records up to these counters are kept: writes the file if a fault was latched
-  /// or SIGUSR1 arrived since the previous call.
+  /// or SIGUSR1 arrived since the previous call. Incidents write at most one file for each
+  /// `capacity` records, and kMostIncidentFiles in all.
   template <class Counters>
   void write_if_due(const Counters& counters) {
     const bool has_fault = faults(counters) != faults_;
     const bool is_asked = files_.requests.recordings != recordings_;
+    const bool has_incident = incidents(counters) != incidents_ && kept_ >= next_incident_at_ &&
+                              incident_files_ < kMostIncidentFiles;
     faults_ = faults(counters);
+    incidents_ = incidents(counters);
     recordings_ = files_.requests.recordings;
-    if (has_fault || is_asked) write(has_fault ? "fault" : "signal");
+    if (has_incident) {
+      next_incident_at_ = kept_ + capacity_;
+      ++incident_files_;
+    }
+    if (has_fault || has_incident || is_asked) {
+      write(has_fault ? "fault" : has_incident ? "monitor" : "signal");
+    }
   }
 
  private:
+  static constexpr int kMostIncidentFiles = 16;
+
   void write(const char* reason) {
     const std::string file = new_flight_file(files_);
     if (file.empty()) return;
@@ -94,6 +119,7 @@ class FlightRecorder {
     for (std::size_t i = 0; i < ring_.size(); ++i) {
       write_flight_row(out, ring_[(oldest_ + i) % ring_.size()]);
     }
+    if (append) append(out);
     out.close();
     report_flight_file(files_, file, reason, ring_.size(), out.good());
   }
@@ -102,7 +128,11 @@ class FlightRecorder {
   std::size_t capacity_;
   std::vector<Record> ring_;
   std::size_t oldest_ = 0;
+  std::uint64_t kept_ = 0;
   std::uint64_t faults_ = 0;
+  std::uint64_t incidents_ = 0;
+  std::uint64_t next_incident_at_ = 0;  // of kept_
+  int incident_files_ = 0;
   std::uint32_t recordings_ = 0;
 };
 

@@ -30,10 +30,11 @@ inline constexpr double kForceFloorNewton = 0.05;
 class PaperTransparency {
  public:
   /// The applied force acted for so long.
-  void add(double duration_s, const Vector3& asked_newton, const Vector3& applied_newton) noexcept {
+  void add(double duration_s, const Vector3& requested_newton,
+           const Vector3& applied_newton) noexcept {
     for (int axis = 0; axis < 3; ++axis) {
-      if (std::abs(asked_newton[axis]) > kForceFloorNewton) {
-        integral_s_[axis] += duration_s * applied_newton[axis] / asked_newton[axis];
+      if (std::abs(requested_newton[axis]) > kForceFloorNewton) {
+        integral_s_[axis] += duration_s * applied_newton[axis] / requested_newton[axis];
         judged_s_[axis] += duration_s;
       }
     }

@@ -25,9 +25,10 @@ enum class MofcState : std::uint8_t {
 /// One answer of mofc_node.
 struct MofcTick {
   std::uint64_t device_session_id = 0;
-  std::uint64_t device_sequence = 0;                     ///< the DeviceState answered
-  TimePoint device_sampled_at{};                         ///< device's clock
-  Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< requested, before fade and clamp, D
+  std::uint64_t device_sequence = 0;  ///< the DeviceState answered
+  TimePoint device_sampled_at{};      ///< device's clock
+  Vector3 requested_force_on_hand_newton =
+      Vector3::Zero();  ///< requested, before fade and clamp, D
   Vector3 commanded_force_on_hand_newton = Vector3::Zero();  ///< after the clamp, D
   Vector3 f_max_newton = Vector3::Constant(kNaN);            ///< NaN: no bound (controller none)
   double ledger_energy_joule = kNaN;  ///< E' of the controller; NaN: no ledger

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "common/core/messages.h"
 #include "common/core/ports.h"
@@ -41,18 +42,26 @@ struct PhysicsCounters {
   std::uint64_t meshes_skipped = 0;           ///< due at 30 Hz, not computed: no subscriber
   std::uint64_t tissue_changes = 0;           ///< applied; all tools
   std::uint64_t tissue_changes_refused = 0;   ///< no such tissue, or it cannot be changed
-  // elastic bodies, of all tools but for the steps skipped
+  // elastic bodies, of all tools but for the steps and the bound at the last one
   std::uint64_t elastic_solves = 0;          ///< full solutions
   std::uint64_t elastic_solves_skipped = 0;  ///< not needed: at rest and untouched
   std::uint64_t elastic_solves_late = 0;     ///< took longer than their period
   /// Had a tip on the wrong side of the surface and were undone, or gave no compliance.
   std::uint64_t elastic_solves_failed = 0;
+  /// Of these: contact went on with a state that holds the tip on the right side.
+  std::uint64_t elastic_solves_repaired = 0;
   std::uint64_t elastic_steps_skipped = 0;  ///< steps out of reach of an elastic body
   /// Unbalanced force of the last full solution over all its forces.
   double elastic_residual_ratio = 0.0;
-  /// Of the condensed model, measured at the last full solution in contact [N].
-  double elastic_error_newton = 0.0;
-  double elastic_bound_newton = 0.0;  ///< stated bound of it, at the last step in contact
+  /// Of the condensed model, measured at the last full solution in contact [N]; NaN: unknown.
+  double elastic_error_newton = std::numeric_limits<double>::quiet_NaN();
+  /// Stated bound of it, at the last step in contact [N]; NaN: unknown.
+  double elastic_bound_newton = std::numeric_limits<double>::quiet_NaN();
+  std::uint64_t elastic_bound_violations = 0;  ///< measured errors above their bound
+  std::uint64_t elastic_bounds_checked = 0;    ///< measured errors for whose place one was stated
+  std::uint64_t elastic_contact_steps = 0;     ///< of the tool, on elastic bodies,
+  std::uint64_t elastic_unknown_bound_steps = 0;  ///< of these without a bound
+  std::uint64_t elastic_tips_appeared = 0;        ///< inside a body; all tools
   Duration worst_compute_time{};
 };
 

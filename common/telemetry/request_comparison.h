@@ -49,7 +49,7 @@ class RequestComparison {
     });
     request_before_ = request_;
     if (mofc) {
-      request_ = mofc->asked_force_on_hand_newton;
+      request_ = mofc->requested_force_on_hand_newton;
     } else if (tick.is_answered) {
       request_.reset();
     }

@@ -58,7 +58,7 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
 
   // this tick
   if (row.mofc) {
-    if (!row.mofc->asked_force_on_hand_newton.isZero(0.0)) ++asked_ticks_;
+    if (!row.mofc->requested_force_on_hand_newton.isZero(0.0)) ++requested_ticks_;
     if (row.mofc->is_clamped) ++clamped_ticks_;
   }
   const bool is_in_contact =
@@ -148,8 +148,9 @@ double RunStatistics::path_deviation_rms_m() const {
 double RunStatistics::path_deviation_peak_m() const { return deviation_peak_m_; }
 
 double RunStatistics::clamp_ratio() const {
-  return asked_ticks_ > 0 ? static_cast<double>(clamped_ticks_) / static_cast<double>(asked_ticks_)
-                          : kNaN;
+  return requested_ticks_ > 0
+             ? static_cast<double>(clamped_ticks_) / static_cast<double>(requested_ticks_)
+             : kNaN;
 }
 
 double answered_ratio(const DeviceCounters& counters) {
@@ -212,6 +213,7 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["standby_ticks"] = report.mofc.standby_ticks;
   json["physics_switches"] = report.mofc.physics_switches;
   json["interactions_suppressed"] = report.physics.interactions_suppressed;
+  json["elastic"] = elastic_json(report.physics);
   json["device_faults"] = report.device.device_faults;
   json["last_fault"] = name(report.device.last_fault);
   json["fault_ticks"] = report.device.fault_ticks;
@@ -233,6 +235,42 @@ std::string monitor_text(const DeviceCounters& device) {
   return text;
 }
 
+nlohmann::ordered_json elastic_json(const PhysicsCounters& physics) {
+  if (physics.elastic_solves == 0) return nullptr;
+  return {{"solves", physics.elastic_solves},
+          {"late", physics.elastic_solves_late},
+          {"failed", physics.elastic_solves_failed},
+          {"repaired", physics.elastic_solves_repaired},
+          {"tips_appeared", physics.elastic_tips_appeared},
+          {"error_n", number_or_null(physics.elastic_error_newton)},
+          {"bound_n", number_or_null(physics.elastic_bound_newton)},
+          {"bounds_checked", physics.elastic_bounds_checked},
+          {"bound_violations", physics.elastic_bound_violations},
+          {"contact_steps", physics.elastic_contact_steps},
+          {"unknown_bound_steps", physics.elastic_unknown_bound_steps}};
+}
+
+std::string elastic_text(const PhysicsCounters& physics) {
+  if (physics.elastic_solves == 0) return {};
+  std::string text = fmt::format("{} full solutions, {} late, {} failed", physics.elastic_solves,
+                                 physics.elastic_solves_late, physics.elastic_solves_failed);
+  if (physics.elastic_solves_failed > 0) {
+    text += fmt::format(" ({} repaired)", physics.elastic_solves_repaired);
+  }
+  if (physics.elastic_tips_appeared > 0) {
+    text += fmt::format("; {} times a tool appeared inside", physics.elastic_tips_appeared);
+  }
+  const auto newton = [](double value) {
+    return std::isnan(value) ? std::string("unknown") : fmt::format("{:.2g} N", value);
+  };
+  return text + fmt::format(
+                    "; error between them {}, bound {}, exceeded {} of {} times, unknown in "
+                    "{} of {} steps",
+                    newton(physics.elastic_error_newton), newton(physics.elastic_bound_newton),
+                    physics.elastic_bound_violations, physics.elastic_bounds_checked,
+                    physics.elastic_unknown_bound_steps, physics.elastic_contact_steps);
+}
+
 std::string speaker_text(const MofcCounters& mofc) {
   return fmt::format("{} speaks (term {}); {} of {} ticks from the standby, {} switches",
                      mofc.physics_term % 2 == 1 ? "the standby" : "the first", mofc.physics_term,
@@ -245,8 +283,10 @@ std::string figure(double value, const char* format) {
 
 std::string energy_text(double joule) {
   const double size = std::abs(joule);
-  if (size >= 1.0) return fmt::format("{:.3g} J", joule);
-  if (size >= 1e-3) return fmt::format("{:.3g} mJ", 1e3 * joule);
+  constexpr double kRoundsUp = 0.9995;  // to four digits before the point
+  if (size >= 1e3 * kRoundsUp) return fmt::format("{:.0f} J", joule);
+  if (size >= kRoundsUp) return fmt::format("{:.3g} J", joule);
+  if (size >= 1e-3 * kRoundsUp) return fmt::format("{:.3g} mJ", 1e3 * joule);
   return fmt::format("{:.3g} µJ", 1e6 * joule);
 }
 
@@ -294,6 +334,9 @@ std::string summary_text(const Session& session, const RunReport& report) {
            fmt::format(" of {} scheduled ticks",
                        report.device.loop.ticks + report.device.loop.skipped_ticks));
   if (session.physics.standby) line("physics", speaker_text(report.mofc));
+  if (const std::string elastic = elastic_text(report.physics); !elastic.empty()) {
+    line("elastic tissue", elastic);
+  }
   const double times = report.simulated_s / std::max(report.wall_s, 1e-9);
   line("speed", fmt::format("{:.0f} ticks/s, {} times real time",
                             static_cast<double>(s.ticks()) / std::max(report.wall_s, 1e-9),

@@ -71,7 +71,7 @@ class RunStatistics {
 
   std::uint64_t ticks_ = 0;
   std::uint64_t contact_ticks_ = 0;
-  std::uint64_t asked_ticks_ = 0;
+  std::uint64_t requested_ticks_ = 0;
   std::uint64_t clamped_ticks_ = 0;
   /// What the next row needs of a row; NaN where it is not known.
   struct Previous {
@@ -120,6 +120,10 @@ inline constexpr int kSummarySchemaVersion = 2;
 
 /// With physics.standby: which of the two speaks, and how much it has.
 [[nodiscard]] std::string speaker_text(const MofcCounters& mofc);
+/// Full solutions, what failed, measured error and stated bound; empty without elastic tissue.
+[[nodiscard]] std::string elastic_text(const PhysicsCounters& physics);
+/// The same; null without elastic tissue.
+[[nodiscard]] nlohmann::ordered_json elastic_json(const PhysicsCounters& physics);
 /// "off", or the commands that the monitor reduced.
 [[nodiscard]] std::string monitor_text(const DeviceCounters& device);
 

@@ -1,6 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/conform/conform_device.h"
 
+#include <spdlog/fmt/fmt.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
+#include <thread>
+
 #include "common/core/check.h"
 #include "device_node/conformance/device_checks.h"
 #include "device_node/simulation/hand.h"
@@ -8,6 +15,50 @@
 namespace palpate {
 
 using namespace palpate::device;
+
+namespace {
+
+/// Notices a check that does not end.
+class HangWatch {
+ public:
+  /// `options` must outlive it.
+  explicit HangWatch(const ConformDeviceOptions& options)
+      : options_(options), thread_([this](const std::stop_token& stop) { watch(stop); }) {}
+
+  void begin(const DeviceCheck& check) {
+    const std::lock_guard lock(mutex_);
+    check_ = &check;
+    changed_.notify_one();
+  }
+
+ private:
+  void watch(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    while (!stop.stop_requested()) {
+      const DeviceCheck* const check = check_;
+      const bool has_ended =
+          changed_.wait_for(lock, stop, options_.hang_after, [&] { return check_ != check; });
+      if (has_ended || stop.stop_requested() || check == nullptr) continue;
+      if (options_.on_hang) {
+        options_.on_hang({.check = check->name,
+                          .is_good = false,
+                          .text = fmt::format("a call of the driver has not returned for {:.3g} s",
+                                              to_seconds(options_.hang_after)),
+                          .remedy = "return from read(), apply(), take_latched() and release() "
+                                    "after one transfer, with an error if there is no answer"});
+      }
+      return;
+    }
+  }
+
+  const ConformDeviceOptions& options_;
+  std::mutex mutex_;
+  std::condition_variable_any changed_;
+  const DeviceCheck* check_ = nullptr;  // that runs; null: none has begun
+  std::jthread thread_;                 // last: ends before what it uses
+};
+
+}  // namespace
 
 std::vector<ConformFinding> conform_device(const Session& session,
                                            const ConformDeviceOptions& options) {
@@ -44,7 +95,9 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
   OpenedDevice bench(*device, clock, period, driver.is_simulated ? Duration{} : period,
                      options.profile);
   std::vector<ConformFinding> findings;
+  HangWatch watch(options);
   for (const DeviceCheck& check : device_checks()) {
+    watch.begin(check);
     const CheckOutcome outcome = check.run(bench);
     const bool is_good = outcome.verdict == CheckVerdict::kGood;
     const bool is_checked = outcome.verdict != CheckVerdict::kNotObservable;

@@ -2,6 +2,7 @@
 // conform_device.h — does a device keep what device_node and the hand rely on?
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <vector>
 
@@ -16,6 +17,10 @@ namespace palpate {
 struct ConformDeviceOptions {
   bool may_move_hardware = false;  ///< the device is clear, and nobody holds it
   OnFinding on_finding = {};
+  /// Called, by another thread, if a check has not ended after `hang_after`: a call of the driver
+  /// does not return, and only the end of the program ends it.
+  OnFinding on_hang = {};
+  std::chrono::milliseconds hang_after{60'000};
   /// Of hardware: prompts the person at the device and tells whether the last prompt was
   /// acknowledged.
   device::StartUp start_up = {};

@@ -17,6 +17,7 @@
 
 #include "common/core/check.h"
 #include "common/core/time.h"
+#include "common/process/blocked_signals.h"
 #include "common/process/log.h"
 #include "common/process/realtime.h"
 #include "common/process/run_node.h"
@@ -174,8 +175,10 @@ void write(const ChildEvent& event, spdlog::logger& log) {
 class Run {
  public:
   Run(const LaunchOptions& options, std::vector<ChildSpec> nodes, const Session& session,
-      spdlog::logger& log)
+      const RunFolder& folder, const BlockedSignals& blocked, spdlog::logger& log)
       : options_(options),
+        folder_(folder),
+        blocked_(blocked),
         log_(log),
         priority_(tick_priority(options, session)),
         signals_(io_, SIGINT, SIGTERM, SIGHUP),
@@ -190,6 +193,7 @@ class Run {
         stop, [this] { asio::post(io_, [this] { end(LaunchEnd::kRequested); }); });
     std::thread supervising([this] {
       run_ahead_of(priority_);
+      blocked_.take();
       supervise();
     });
     std::exception_ptr failure;
@@ -234,10 +238,22 @@ class Run {
     std::unique_lock lock(mutex_);
     while (!has_ended_) {
       lock.unlock();
+      check_folder();
       if (options_.on_poll) options_.on_poll();
       lock.lock();
       ended_.wait_for(lock, options_.poll_interval, [this] { return has_ended_; });
     }
+  }
+
+  /// Without it the nodes run on, but one that is started again finds no other.
+  void check_folder() {
+    if (is_folder_lost_ || folder_.is_present()) return;
+    is_folder_lost_ = true;
+    log_.error(
+        "event=run_folder_lost folder={} how=\"removed, or replaced by another launch\" "
+        "remedy=\"stop this launch and start it again: a node that is restarted cannot reach the "
+        "others\"",
+        folder_.path().string());
   }
 
   void await_signal() {
@@ -274,8 +290,11 @@ class Run {
   }
 
   const LaunchOptions& options_;
+  const RunFolder& folder_;
+  const BlockedSignals& blocked_;
   spdlog::logger& log_;
   int priority_;
+  bool is_folder_lost_ = false;  // of the thread that polls
   asio::io_context io_;
   asio::signal_set signals_;
   asio::steady_timer time_up_;
@@ -300,9 +319,12 @@ int LaunchResult::exit_status() const {
 LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {
   const Session session = load_session(options.session_file, options.overrides);
   const RunFolder run_folder(session.name);
+  // the supervising thread handles them, ahead of the ticks; before the log's thread
+  const BlockedSignals blocked{SIGINT, SIGTERM, SIGHUP, SIGCHLD};
   const Log log("palpate");
   if (options.is_quiet || options.has_short_log) log.logger().set_level(spdlog::level::warn);
-  return Run(options, nodes_of(options, session), session, log.logger()).run(stop);
+  return Run(options, nodes_of(options, session), session, run_folder, blocked, log.logger())
+      .run(stop);
 }
 
 }  // namespace palpate

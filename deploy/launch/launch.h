@@ -64,9 +64,10 @@ struct LaunchResult {
 
 /// Starts `nodes`, with one device and one mofc for each side of the session (one process for both
 /// if `is_together`), restarts those that die and ends all in the order device, mofc, physics,
-/// standby, viewer. No node waits for another. A restarted device ramps its force up from 0, even
-/// if the session has no start ramp. When launch() returns, no process and no ipc file of the
-/// session is left; if its own process is killed, the kernel kills the nodes.
+/// standby, viewer. If its run folder is removed or replaced meanwhile, it logs an error once. No
+/// node waits for another. A restarted device ramps its force up from 0, even if the session has no
+/// start ramp. When launch() returns, no process and no ipc file of the session is left; if its own
+/// process is killed, the kernel kills the nodes.
 ///
 /// The first signal stops the nodes in order, the second kills them. Throws SetupError if the
 /// session is invalid or already launched, or if a program is missing. Blocks; one call at a time

@@ -62,9 +62,11 @@ bool RunFolder::is_present() const {
 }
 
 RunFolder::~RunFolder() {
-  remove_left_files();
-  std::error_code not_empty;
-  fs::remove(path_, not_empty);
+  if (is_present()) {  // else it is that of another launch
+    remove_left_files();
+    std::error_code not_empty;
+    fs::remove(path_, not_empty);
+  }
   close(folder_);  // releases the lock
 }
 

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "deploy/lockstep/random_elastic.h"
 #include "deploy/lockstep/random_surface.h"
@@ -51,6 +52,10 @@ void PhysicsTamperer::tamper(Interaction& interaction) {
   const double t_s = seconds_of(interaction.header.sampled_at);
   if (physics_ == HostilePhysics::kNewSessions) {
     interaction.header.session_id += static_cast<std::uint64_t>(t_s / kRestartPeriod_s);
+    return;
+  }
+  if (physics_ == HostilePhysics::kLyingCompliance) {
+    lie_about_compliance(interaction.elastic, t_s);
     return;
   }
   if (physics_ == HostilePhysics::kEverything && t_s >= until_s_) change_law(t_s);
@@ -110,7 +115,7 @@ void PhysicsTamperer::lie_about_elastic_bodies(Interaction& interaction) {
   state.number = static_cast<std::uint32_t>(elastic_number_);
   state.tip_radius_m = elastic_random_.uniform(1e-3, 2e-2);
   state.center_m = interaction.tool_position_world_m + random_vector(elastic_random_, 0.01);
-  state.other_newton = random_vector(elastic_random_, kHostileNewton);
+  state.force_outside_patch_newton = random_vector(elastic_random_, kHostileNewton);
   state.from_m = state.to_m = interaction.tool_position_world_m;
   state.radius_m = 1.0;
   state.away_step_m = static_cast<float>(elastic_random_.uniform(0.0, 0.05));
@@ -118,6 +123,66 @@ void PhysicsTamperer::lie_about_elastic_bodies(Interaction& interaction) {
   for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
     state.places[slot].version = elastic_versions_[slot];
     if (elastic_versions_[slot] == 0) state.places[slot] = {};
+  }
+}
+
+/// What the codec lets pass, of points that the honest physics sends.
+void PhysicsTamperer::lie_about_compliance(ElasticNews& news, double t_s) {
+  Random& random = elastic_random_;
+  if (t_s >= lie_.until_s) {
+    lie_ = {.until_s = t_s + random_magnitude(random, -3.0, -0.7),
+            .stiffness = random.chance(0.5) ? 1.0 : random_magnitude(random, -4.0, 2.0),
+            .others = random.chance(0.5) ? 1.0 : random.uniform(-4.0, 4.0),
+            .force = random.chance(0.5) ? 1.0 : random.uniform(-10.0, 10.0),
+            .way = random.chance(0.5) ? 1.0 : random.uniform(-3.0, 3.0),
+            .relaxation = random.chance(0.5) ? 1.0 : random_magnitude(random, -3.0, 2.0),
+            .is_exchanged = random.chance(0.3),
+            .is_still = random.chance(0.2),
+            .away_m = random.chance(0.7) ? Vector3::Zero() : random_vector(random, 0.005)};
+  }
+  if (news.store_id == 0) return;
+  const auto scaled = [](std::int16_t& x, double ratio) {
+    x = static_cast<std::int16_t>(
+        std::lround(std::clamp(ratio * x, -kElasticScale, kElasticScale)));
+  };
+  if (news.has_point) {
+    ElasticPoint& point = news.point;
+    point.step_m_per_newton =
+        static_cast<float>(std::clamp(static_cast<double>(point.step_m_per_newton) / lie_.stiffness,
+                                      kMinComplianceMPerNewton, kMaxComplianceMPerNewton));
+    point.rest_m += lie_.away_m;
+    for (auto& other : point.others) {
+      for (std::int16_t& x : other) scaled(x, lie_.others);
+    }
+    if (lie_.is_exchanged) {
+      std::swap(point.others[random.below(kElasticSlots)],
+                point.others[random.below(kElasticSlots)]);
+    }
+    return;
+  }
+  ElasticState& state = news.state;
+  if (lie_.is_still && old_state_.number > 0) {
+    const std::uint32_t number = state.number;
+    state = old_state_;
+    state.number = number;
+  } else {
+    old_state_ = state;
+  }
+  state.relaxation_s =
+      std::clamp(lie_.relaxation * (state.relaxation_s + 1e-3), 0.0, kMaxElasticRelaxationS);
+  state.force_step_newton = static_cast<float>(
+      std::clamp(std::abs(lie_.force) * static_cast<double>(state.force_step_newton), 0.0, 1e4));
+  state.center_m += lie_.away_m;
+  for (ElasticPlace& place : state.places) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      scaled(place.force[k], lie_.force < 0.0 ? -1.0 : 1.0);
+      scaled(place.away[k], lie_.way);
+      scaled(place.rest[k], lie_.is_exchanged ? -lie_.way : lie_.way);
+    }
+  }
+  if (lie_.is_exchanged) {
+    std::swap(state.places[random.below(kElasticSlots)].force,
+              state.places[random.below(kElasticSlots)].force);
   }
 }
 

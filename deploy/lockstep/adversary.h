@@ -23,6 +23,7 @@ class PhysicsTamperer {
  private:
   void lie_about_the_surface(SurfaceNews& news);
   void lie_about_elastic_bodies(Interaction& interaction);
+  void lie_about_compliance(ElasticNews& news, double t_s);
   void change_law(double t_s);
   [[nodiscard]] Vector3 square_wave(double t_s);
 
@@ -38,6 +39,19 @@ class PhysicsTamperer {
   double sign_ = 1.0;
   double turn_s_ = 0.0;
   double until_s_ = 0.0;
+  // lies about elastic bodies, until then
+  struct Lie {
+    double until_s = 0.0;
+    double stiffness = 1.0;
+    double others = 1.0;
+    double force = 1.0;
+    double way = 1.0;
+    double relaxation = 1.0;
+    bool is_exchanged = false;
+    bool is_still = false;
+    Vector3 away_m = Vector3::Zero();
+  } lie_;
+  ElasticState old_state_;
   std::uint64_t count_ = 0;
 };
 

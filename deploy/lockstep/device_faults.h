@@ -56,6 +56,7 @@ class PreemptedDevice final : public device::HapticDevice {
   [[nodiscard]] device::DeviceError last_error() const noexcept override {
     return device_.last_error();
   }
+  void tap(device::WireTap* tap) noexcept override { device_.tap(tap); }
   [[nodiscard]] bool reopen(Duration within) noexcept override { return device_.reopen(within); }
 
  private:

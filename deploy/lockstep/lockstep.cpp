@@ -209,7 +209,7 @@ class LockstepSide {
         mofc_tick_(index == 0 ? options.on_mofc_tick : std::function<void(const MofcTick&)>{}),
         device_node_(checked_config(side_, session.seed, friction_ratio_), preempted_device_, time_,
                      *links_->state_out, command_in_, device_tick_, session_id(kLockstepDevice),
-                     &true_state_),
+                     &true_state_, index == 0 ? options.journal : nullptr),
         device_schedule_(TimePoint{}, side_.device.rate_hz),
         steps_on_arrival_(side_.mofc.wait_for_physics.count() > 0) {
     if (hosts.size() > 1) {
@@ -225,6 +225,7 @@ class LockstepSide {
                                                                    standby_->interaction_in()})
                                 : std::nullopt);
     device_node_.report_checked_friction(friction_ratio_);
+    if (index == 0) device_->tap(options.journal);
     // nobody stands at a device on virtual time: who builds one that is not simulated agrees
     if (!device_->specification().is_simulated) device_node_.acknowledge();
     if (options.has_ideal) {
@@ -379,7 +380,7 @@ class Lockstep::Impl {
     }
     for (std::size_t i = 0; i < session_.sides.size(); ++i) {
       RowConsumer of_side;
-      if (i == 0) of_side = std::move(on_row);
+      if (i == 0) of_side = std::exchange(on_row, {});
       if (options.on_side_row) {
         of_side = [before = std::move(of_side), on_row = options.on_side_row, i](
                       const TickRow& row, const IdealState& ideal) {

@@ -15,6 +15,7 @@
 #include "common/telemetry/tick_row.h"
 #include "deploy/lockstep/lockstep_links.h"
 #include "device_node/device.h"
+#include "device_node/journal.h"
 #include "physics_node/engine.h"
 
 namespace palpate {
@@ -42,6 +43,8 @@ struct LockstepOptions {
   std::function<void(Interaction&)> tamper_with_interaction{};
   /// More lateness of the next device tick. Empty: none.
   std::function<Duration()> device_lateness{};
+  /// Receives what decides about faults of the first side's device; may be null.
+  device::Journal* journal = nullptr;
   /// Called after every device tick of every side; may be empty.
   std::function<void(std::size_t side, const TickRow&, const IdealState&)> on_side_row{};
   // --- with physics.standby

@@ -40,7 +40,10 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
   }
 
   void listen_to(LockstepOptions& options) {
-    options.on_device_tick = [this](const DeviceTick& tick) { device_.records.push_back(tick); };
+    options.on_device_tick = [this, before = options.on_device_tick](const DeviceTick& tick) {
+      if (before) before(tick);
+      device_.records.push_back(tick);
+    };
     options.on_mofc_tick = [this](const MofcTick& tick) { mofc_.records.push_back(tick); };
     options.on_physics_tick = [this, before = options.on_physics_tick](const PhysicsTick& tick) {
       if (before) before(tick);

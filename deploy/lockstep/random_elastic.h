@@ -45,10 +45,11 @@ inline void randomise(ElasticState& state, Random& random) {
            .number = 1 + static_cast<std::uint32_t>(random.below(1U << 20U)),
            .tip_radius_m = random_magnitude(random, -4.0, 0.0),
            .center_m = random_vector(random, 1.0),
-           .other_newton = random_vector(random, 1e4),
+           .force_outside_patch_newton = random_vector(random, 1e4),
            .friction_coefficient = random.uniform(0.01, 10.0),
            .friction_stiffness_newton_per_m = random_magnitude(random, 0.0, 5.9),
            .has_rest = random.chance(0.5),
+           .relaxation_s = random.chance(0.5) ? random_magnitude(random, -4.0, 1.0) : 0.0,
            .normal = random_vector(random, 1.0).normalized(),
            .from_m = random_vector(random, 1.0),
            .to_m = random_vector(random, 1.0),
@@ -60,6 +61,10 @@ inline void randomise(ElasticState& state, Random& random) {
     if (random.chance(0.3)) continue;
     place.version = 1 + static_cast<std::uint32_t>(random.below(1U << 20U));
     for (std::int16_t& x : place.away) x = some();
+    place.rest = place.away;
+    if (state.relaxation_s > 0.0) {
+      for (std::int16_t& x : place.rest) x = some();
+    }
     if (random.chance(0.5)) continue;
     for (std::int16_t& x : place.force) x = some();
   }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cstdio>
+#include <cstdlib>
+#include <exception>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -136,6 +138,16 @@ struct ConformDevice {
     output.check(loaded, {});
     Findings findings(output);
     options.on_finding = [&](const ConformFinding& found) { findings.add(found); };
+    options.on_hang = [&](const ConformFinding& found) {  // this thread's last words
+      try {
+        findings.add(found);
+        findings.write();
+      } catch (const std::exception& error) {
+        say(error.what());
+      }
+      std::fflush(nullptr);
+      std::_Exit(kExitFailure);
+    };
     std::optional<TerminalAcknowledgement> terminal;
     if (is_real(loaded.side().driver)) {
       terminal.emplace();

@@ -2,8 +2,10 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
+#include <deque>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -11,19 +13,59 @@
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/core/user/output_file.h"
 #include "common/process/options.h"
 #include "common/process/terminal.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
+#include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/screen/verdict.h"
+#include "device_node/post_mortem.h"
 #include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
 namespace {
+
+/// What a flight recorder of device_node writes in real time, of the first fault or reduction by
+/// the monitor, or of the end of the run.
+class FaultFileWriter {
+ public:
+  void listen_to(LockstepOptions& options) {
+    options.journal = &journal_;
+    options.on_device_tick = [this](const DeviceTick& tick) { keep(tick); };
+  }
+  /// @return  of a file; report_command.cpp reads it
+  [[nodiscard]] std::string text() {
+    if (text_.empty()) write("no fault");
+    return text_;
+  }
+
+ private:
+  void keep(const DeviceTick& tick) {
+    if (!text_.empty()) return;
+    post_mortem_.take(journal_);
+    ticks_.push_back(tick);
+    if (ticks_.size() > kFlightRecorderTicks) ticks_.pop_front();
+    if (tick.guard == GuardState::kFault) write("a fault");
+    if (tick.is_monitor_reduced) write("a command that the monitor reduced");
+  }
+  void write(const std::string& what) {
+    std::ostringstream out;
+    write_flight_header(out, DeviceTick{});
+    for (const DeviceTick& tick : ticks_) write_flight_row(out, tick);
+    post_mortem_.write(out, "on virtual time, " + what);
+    text_ = out.str();
+  }
+
+  device::Journal journal_;
+  device::PostMortem post_mortem_;
+  std::deque<DeviceTick> ticks_;
+  std::string text_;
+};
 
 struct LoopbackCommand {
   SessionOptions session;
@@ -31,6 +73,7 @@ struct LoopbackCommand {
   std::optional<double> seconds;
   OutputOptions output;
   std::string hand_file;
+  std::string post_mortem_file;
   bool has_no_ideal = false;
   bool is_inproc = false;
 
@@ -43,6 +86,10 @@ struct LoopbackCommand {
                    "lead the simulated hand along the path of this recording, computed from the "
                    "recorded motion and force; without --seconds, run for its length")
         ->type_name("FILE.mcap");
+    app.add_option("--post-mortem", post_mortem_file,
+                   "write what led to the first fault of the device, or to the first command that "
+                   "the monitor reduced; palpate report shows it and computes it again")
+        ->type_name("FILE.csv");
     app.add_flag("--no-ideal", has_no_ideal,
                  "skip the ideal force, the ideal run and the figures that need them");
     app.add_flag("--inproc", is_inproc,
@@ -74,11 +121,19 @@ struct LoopbackCommand {
     options.record = output.record();
     options.recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file);
     options.lockstep.on_physics_tick = warn_of_start;
+    FaultFileWriter faults;
+    if (!post_mortem_file.empty()) {
+      check_outputs({{"--post-mortem", post_mortem_file}}, {}, output.may_overwrite);
+      faults.listen_to(options.lockstep);
+    }
     std::vector<std::string> lost;
     options.lost_outputs = &lost;
     const RunReport report =
         watched(loaded, options, verbosity, [&] { return run_loopback(loaded, options); });
     say_if_stopped(report, length_s.value_or(loaded.duration_s));
+    if (!post_mortem_file.empty()) {
+      write_file("loopback", post_mortem_file, faults.text(), output.may_overwrite);
+    }
     if (!verbosity.is_quiet) {
       const std::string verdict = verdict_text(judge(facts_of(loaded, report)));
       std::fputs((summary_text(loaded, report) + verdict).c_str(), stdout);
@@ -90,8 +145,10 @@ struct LoopbackCommand {
  private:
   /// All sides together.
   int run_all(const Session& loaded, const Verbosity& verbosity) const {
-    if (!hand_file.empty() || !output.record_file.empty()) {
-      throw SetupError(std::string(hand_file.empty() ? "--record" : "--hand") +
+    if (!hand_file.empty() || !output.record_file.empty() || !post_mortem_file.empty()) {
+      throw SetupError(std::string(!hand_file.empty()            ? "--hand"
+                                   : !output.record_file.empty() ? "--record"
+                                                                 : "--post-mortem") +
                        ": needs one side of the session; give --side NAME");
     }
     std::vector<std::string> tables;

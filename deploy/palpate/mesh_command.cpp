@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 
+#include "common/core/check.h"
 #include "common/core/user/output_file.h"
 #include "common/process/options.h"
 #include "common/process/terminal.h"
@@ -19,6 +20,7 @@ struct MeshCommand {
   std::string output;
   double unit_m = 1.0;
   std::optional<double> edge_m;
+  std::string mesher = "stuffing";
   bool has_given_surface = false;
   double limit_s = VolumeMeshing{}.limit_s;
   bool may_overwrite = false;
@@ -40,8 +42,14 @@ struct MeshCommand {
                    "length of edges to aim at, in metres (default: a 25th of the diagonal)")
         ->type_name("M")
         ->check(CLI::Range(1e-6, 1.0));
+    app.add_option("--mesher", mesher,
+                   "stuffing (default): takes every closed surface, staircases of voxels too, and "
+                   "rounds edges; gmsh: the program gmsh, which keeps edges")
+        ->type_name("NAME")
+        ->check(CLI::IsMember({"stuffing", "gmsh"}));
     app.add_flag("--given-surface", has_given_surface,
-                 "keep the triangles of the surface; otherwise they are made anew with --edge-m");
+                 "with --mesher gmsh: keep the triangles of the surface; otherwise they are made "
+                 "anew with --edge-m");
     app.add_option("--limit-s", limit_s, "end gmsh after this time in s (default 600)")
         ->type_name("S")
         ->check(CLI::Range(1.0, 1e6));
@@ -49,6 +57,9 @@ struct MeshCommand {
   }
 
   int run(const Verbosity& verbosity) const {
+    const bool is_gmsh = mesher == "gmsh";
+    if (has_given_surface && !is_gmsh)
+      throw SetupError("--given-surface: only gmsh keeps triangles; add --mesher gmsh");
     check_outputs({{"--output", output}}, {surface_file}, may_overwrite);
     const auto read = physics::load_triangle_mesh(
         {.kind = FileGeometry::Kind::kTriangleSurface, .file = surface_file, .unit_m = unit_m});
@@ -56,9 +67,14 @@ struct MeshCommand {
     std::string text;
     {
       const BusyLine busy("mesh", verbosity.is_quiet);
-      text = physics::msh_text(volume_mesh_of(
-          read, {.edge_m = aim_m, .has_given_surface = has_given_surface, .limit_s = limit_s},
-          surface_file));
+      const physics::TetrahedralMesh mesh =
+          is_gmsh
+              ? volume_mesh_of(
+                    read,
+                    {.edge_m = aim_m, .has_given_surface = has_given_surface, .limit_s = limit_s},
+                    surface_file)
+              : stuffed_mesh_of(read, aim_m, surface_file);
+      text = physics::msh_text(mesh);
     }
     // of what a session will read
     const std::string report =
@@ -75,8 +91,8 @@ struct MeshCommand {
 }  // namespace
 
 Command add_mesh_command(CLI::App& app) {
-  return add_command<MeshCommand>(
-      app, "mesh", "fill a closed surface with tetrahedra, by the program gmsh, for a session");
+  return add_command<MeshCommand>(app, "mesh",
+                                  "fill a closed surface with tetrahedra for a session");
 }
 
 }  // namespace palpate

@@ -13,14 +13,17 @@
 namespace palpate {
 namespace {
 
-/// The point of the surface in a direction (unit) from the centre.
-Vector3 surface_at(const Vector3& n) {
+const Vector3 kStretch(1.0, 0.8, 0.5);
+
+double radius_m(const Vector3& n) {
   const Vector3 dent = Vector3(0.2, -0.9, -0.3).normalized();
-  const double radius_m = 0.052 * (1.0 + 0.18 * n.x() + 0.12 * (n.x() * n.x() - n.y() * n.y()) +
-                                   0.06 * std::sin(3.0 * n.x() + 2.0 * n.y()) -
-                                   0.22 * std::exp(-(n - dent).squaredNorm() / 0.18));
-  return radius_m * n.cwiseProduct(Vector3(1.0, 0.8, 0.5));
+  return 0.052 * (1.0 + 0.18 * n.x() + 0.12 * (n.x() * n.x() - n.y() * n.y()) +
+                  0.06 * std::sin(3.0 * n.x() + 2.0 * n.y()) -
+                  0.22 * std::exp(-(n - dent).squaredNorm() / 0.18));
 }
+
+/// The point of the surface in a direction (unit) from the centre, before it is stretched.
+Vector3 surface_at(const Vector3& n) { return radius_m(n) * n.cwiseProduct(kStretch); }
 
 Vector3 normal_at(const Vector3& n) {
   constexpr double kStep = 1e-5;
@@ -40,6 +43,12 @@ double stiffness_ratio_at(const Vector3& point_m) {
 }
 
 }  // namespace
+
+bool is_in_organ(const Vector3& place_m) {
+  const Vector3 unstretched_m = place_m.cwiseQuotient(kStretch);
+  const double distance_m = unstretched_m.norm();
+  return distance_m < 1e-9 || distance_m < radius_m(unstretched_m / distance_m);
+}
 
 physics::PointCloud organ_cloud(std::uint32_t points,
                                 const std::function<void(double)>& on_progress) {

@@ -23,6 +23,9 @@ namespace palpate {
 /// @param subdivisions  0 … 6
 [[nodiscard]] physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions);
 
+/// Whether the place is within that body.
+[[nodiscard]] bool is_in_organ(const Vector3& place_m);
+
 /// A block of 100 × 100 × 50 mm below z = 0, finest around the middle of its top, of
 /// 20 `cells`³ tetrahedra.
 /// @param cells  2 … 16

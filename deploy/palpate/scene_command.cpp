@@ -2,10 +2,12 @@
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "common/core/check.h"
 #include "common/process/terminal.h"
+#include "common/session/materials.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
@@ -14,6 +16,41 @@
 
 namespace palpate {
 namespace {
+
+/// What an elastic tissue is made of, a line each: value, range and source of what has a name, and
+/// how it relaxes.
+std::vector<std::string> material_lines(const ElasticMaterial& material) {
+  std::vector<std::string> lines;
+  const auto add = [&](const std::string& of, const std::string& tissue, double young_pa) {
+    const TissueMaterial* known = material_named(tissue);
+    char value[60];  // NOLINT: for snprintf
+    std::snprintf(value, sizeof value, "%s%.4g kPa%s", of.c_str(), 1e-3 * young_pa,
+                  material.branches.empty() ? "" : " at rest");
+    lines.push_back(value +
+                    (known == nullptr ? ", given in the session" : "; " + source_of(*known)));
+  };
+  add("body: ", material.tissue, material.young_pa);
+  for (std::size_t i = 0; i < material.parts.size(); ++i) {
+    add("part " + std::to_string(i) + ": ", material.parts[i].tissue, material.parts[i].young_pa);
+  }
+  if (material.branches.empty()) return lines;
+  std::string relaxes = "relaxes:";
+  for (const ElasticMaterial::Branch& branch : material.branches) {
+    char one[60];  // NOLINT: for snprintf
+    std::snprintf(one, sizeof one, " %.3g %% in %.3g s,", 100.0 * branch.share, branch.tau_s);
+    relaxes += one;
+  }
+  relaxes.pop_back();
+  if (material.fit_error_ratio) {
+    char error[120];  // NOLINT: for snprintf
+    std::snprintf(error, sizeof error,
+                  "; fitted to the power law, complex modulus within %.2g %% from 0.1 to 10 Hz",
+                  100.0 * *material.fit_error_ratio);
+    relaxes += error;
+  }
+  lines.push_back(relaxes);
+  return lines;
+}
 
 int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
   const Session session = options.load(verbosity);
@@ -25,6 +62,10 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
     for (const auto& body : physics::elastic_bodies_of(session.scene)) {
       reports.push_back(session.scene.tissues[body->tissue].name + ": " +
                         physics::mesh_report(*body));
+      const auto& tissue = session.scene.tissues[body->tissue];
+      for (const std::string& line : material_lines(std::get<ElasticMaterial>(tissue.material))) {
+        reports.push_back("  " + line);
+      }
     }
   } catch (const SetupError& error) {
     throw SetupError(with_place(session, error.what()));

@@ -154,8 +154,18 @@ std::vector<std::string> session_warnings(const Session& session) {
       warnings.push_back(text.substr(session.file.size() + 2));
     }
   }
-  const std::string& keys = session.security.key_folder;
   std::error_code error;
+  for (const Side& side : session.sides) {
+    const auto* plugin = std::get_if<PluginConfig>(&side.driver);
+    if (plugin == nullptr || plugin->library.find('/') == std::string::npos ||
+        std::filesystem::is_regular_file(plugin->library, error)) {
+      continue;
+    }
+    warnings.push_back("device.plugin.library: " + plugin->library +
+                       ": no such library; build it, or give its path, relative to the folder of "
+                       "the session");
+  }
+  const std::string& keys = session.security.key_folder;
   if (!keys.empty() && !std::filesystem::is_directory(keys, error)) {
     warnings.push_back("security.key_folder = \"" + keys +
                        "\": there is no such folder; palpate keygen makes one");

@@ -23,6 +23,7 @@
 #include "common/core/user/temp_folder.h"
 #include "common/process/terminal.h"
 #include "deploy/scan/organ_mesh.h"
+#include "deploy/scan/stuffing.h"
 #include "physics_node/elastic/mesh.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
@@ -32,6 +33,7 @@ namespace {
 
 constexpr double kUsualShare = 1.0 / 25.0;
 constexpr double kMostTetrahedra = 1e6;
+constexpr int kCoarsestInside = 1;  // cubes of twice the edge
 constexpr std::uintmax_t kMostBytes = 2'000'000'000;
 constexpr const char* kSurfaceName = "surface.msh";
 constexpr const char* kScriptName = "volume.geo";
@@ -165,6 +167,25 @@ elastic::MeshQuality quality_of(const physics::TetrahedralMesh& mesh) {
   return elastic::quality_of(same);
 }
 
+/// Throws SetupError unless the surface can be filled with edges of this length.
+void check_fillable(const physics::TriangleMesh& surface, double edge_m,
+                    const std::string& file_name) {
+  if (!physics::TriangleSurface(surface).is_closed()) {
+    throw SetupError(file_name +
+                     ": the surface is open: must be closed to be filled with tetrahedra; close "
+                     "its holes, for instance with MeshLab");
+  }
+  // of a regular tetrahedron: edge³/(6√2)
+  const double expected =
+      physics::enclosed_volume_m3(surface) * 6.0 * std::numbers::sqrt2 / (edge_m * edge_m * edge_m);
+  if (!(expected <= kMostTetrahedra)) {
+    const double least_m = edge_m * std::cbrt(expected / kMostTetrahedra);
+    throw SetupError(file_name + ": --edge-m = " + std::to_string(edge_m) +
+                     ": makes more than a million tetrahedra; give at least " +
+                     std::to_string(least_m));
+  }
+}
+
 }  // namespace
 
 double usual_edge_m(const physics::TriangleMesh& surface) {
@@ -172,23 +193,32 @@ double usual_edge_m(const physics::TriangleMesh& surface) {
   return kUsualShare * (bounds.highest_m - bounds.lowest_m).norm();
 }
 
+physics::TetrahedralMesh stuffed_mesh_of(const physics::TriangleMesh& surface, double edge_m,
+                                         const std::string& file_name) {
+  check_fillable(surface, edge_m, file_name);
+  const physics::TriangleSurface closed(surface);
+  const Bounds bounds = bounds_of(surface.vertices_m);
+  const Vector3 margin_m = Vector3::Constant(edge_m);
+  scan::Stuffing stuffing{
+      .bounds = {bounds.lowest_m - margin_m, bounds.highest_m + margin_m},
+      .cell_m = edge_m,
+      .coarsest = kCoarsestInside,
+  };
+  stuffing.inside = [&](const Vector3& place_m) { return -closed.view(place_m).distance_m; };
+  std::vector<std::uint32_t> kept;
+  physics::TetrahedralMesh mesh = scan::stuffed(stuffing);
+  if (!mesh.tetrahedra.empty()) mesh = scan::one_solid(mesh, kept);
+  if (mesh.tetrahedra.empty()) {
+    throw SetupError(file_name + ": --edge-m = " + std::to_string(edge_m) +
+                     ": is longer than the body is thick; give less");
+  }
+  return mesh;
+}
+
 physics::TetrahedralMesh volume_mesh_of(const physics::TriangleMesh& surface,
                                         const VolumeMeshing& meshing,
                                         const std::string& file_name) {
-  if (!physics::TriangleSurface(surface).is_closed()) {
-    throw SetupError(file_name +
-                     ": the surface is open: must be closed to be filled with tetrahedra; close "
-                     "its holes, for instance with MeshLab");
-  }
-  // of a regular tetrahedron: edge³/(6√2)
-  const double expected = physics::enclosed_volume_m3(surface) * 6.0 * std::numbers::sqrt2 /
-                          (meshing.edge_m * meshing.edge_m * meshing.edge_m);
-  if (!(expected <= kMostTetrahedra)) {
-    const double least_m = meshing.edge_m * std::cbrt(expected / kMostTetrahedra);
-    throw SetupError(file_name + ": --edge-m = " + std::to_string(meshing.edge_m) +
-                     ": makes more than a million tetrahedra; give at least " +
-                     std::to_string(least_m));
-  }
+  check_fillable(surface, meshing.edge_m, file_name);
   const TempFolder folder;
   folder.write(kSurfaceName, surface_text(surface));
   folder.write(kScriptName, script(meshing));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// volume_mesh.h — tetrahedra within a closed surface, made by the program gmsh, and what a user
-// should know of the result.
+// volume_mesh.h — tetrahedra within a closed surface, by isosurface stuffing or by the program
+// gmsh, and what a user should know of the result.
 #pragma once
 
 #include <string>
@@ -19,6 +19,16 @@ struct VolumeMeshing {
 
 /// Where no length is given: a 25th of the diagonal of the bounding box.
 [[nodiscard]] double usual_edge_m(const physics::TriangleMesh& surface);
+
+/// By isosurface stuffing of the signed distance to the surface: any closed surface, staircases of
+/// voxels too. Edges and corners are rounded to about edge_m; of parts that are not connected the
+/// largest is kept.
+/// @param edge_m  of the lattice's cubes at the surface, > 0; they are up to twice as long inside
+/// @throws SetupError  if the surface is open or folded, or edge_m so short that more than a
+/// million
+///     tetrahedra would come, or so long that nothing is left
+[[nodiscard]] physics::TetrahedralMesh stuffed_mesh_of(const physics::TriangleMesh& surface,
+                                                       double edge_m, const std::string& file_name);
 
 /// Runs gmsh, which must be in $PATH, on one processor. Interrupted by Ctrl-C.
 /// @param surface    in metres; complaint_about(surface) is empty

@@ -2,6 +2,7 @@
 #include "deploy/scan/label_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -29,13 +30,34 @@ std::string lower_end(const std::string& file) {
   return end;
 }
 
+/// Length of the UTF-8 character at the front, 0 if there is none: no surrogates, nothing longer
+/// than needed, no control characters.
+std::size_t character_at(std::string_view text) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned first = byte(0);
+  if (first < 0x80) return first >= ' ' && first != 0x7f ? 1 : 0;
+  const std::size_t length = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+  if (first < 0xc2 || first > 0xf4 || text.size() < length) return 0;
+  std::uint32_t code = first & (0x7fU >> length);
+  for (std::size_t i = 1; i < length; ++i) {
+    if ((byte(i) & 0xc0U) != 0x80) return 0;
+    code = code << 6U | (byte(i) & 0x3fU);
+  }
+  constexpr std::array<std::uint32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
+  const bool is_surrogate = code >= 0xd800 && code < 0xe000;
+  return code < kLeast[length] || code > 0x10ffff || is_surrogate || code < 0xa0 ? 0 : length;
+}
+
 void make_names_unique(std::vector<Segment>& segments) {
   std::set<std::string> names;
   std::map<std::string, int> next;  // to be tried behind a name
   for (Segment& segment : segments) {
     // a name stands between quotation marks in a session and in a mesh
-    for (char& c : segment.name) {
-      if (c < ' ' || c > '~' || c == '"' || c == '\\') c = '?';
+    for (std::size_t at = 0; at < segment.name.size();) {
+      const std::size_t length = character_at(std::string_view(segment.name).substr(at));
+      char& c = segment.name[at];
+      if (length == 0 || c == '"' || c == '\\') c = '?';
+      at += std::max<std::size_t>(length, 1);
     }
     if (segment.name.empty()) segment.name = "label " + std::to_string(segment.value);
     const std::string given = segment.name;

@@ -120,7 +120,7 @@ Eigen::Affine3d sform_of(const Header& header) {
   Eigen::Affine3d affine = Eigen::Affine3d::Identity();
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 4; ++column) {
-      const auto at = static_cast<std::size_t>(4 * row + column);
+      const auto at = 4 * static_cast<std::size_t>(row) + static_cast<std::size_t>(column);
       affine(row, column) = header.real("srow", 280 + 4 * at, 400 + 8 * at);
     }
   }
@@ -250,8 +250,14 @@ LabelMap parse_nifti(std::string_view bytes, const std::string& name) {
   std::vector<std::string> notes;
   const Eigen::Affine3d affine = affine_of(header, size, name, notes);
   check_grid(size, 1, affine, name);
-  const double slope = header.real("scl_slope", 112, 176);
-  const double inter = header.real("scl_inter", 116, 184);
+  // a slope of 0 means not scaled; NaN, which other programs write for the same, too
+  double slope = header.either<float, double>(112, 176);
+  double inter = header.either<float, double>(116, 184);
+  if (!std::isfinite(slope) || !std::isfinite(inter)) {
+    notes.emplace_back("scl_slope or scl_inter is not a number: values taken as they are");
+    slope = 0.0;
+    inter = 0.0;
+  }
 
   const double offset_value = header.is_second()
                                   ? static_cast<double>(header.get<std::int64_t>(168))

@@ -134,15 +134,16 @@ class Solid {
       }
     }
     std::vector<bool> is_removed(kept_.size(), false);
-    for (const auto& [edge, list] : around) {
+    for (const auto& entry : around) {
+      const std::vector<std::uint32_t>& list = entry.second;  // clang 14 captures no bindings
       // elements of the fan share a face that contains the edge: three nodes with it
       Groups groups(list.size());
       for (std::uint32_t i = 0; i < list.size(); ++i) {
         for (std::uint32_t j = 0; j < i; ++j) {
+          const auto& other = all[list[j]];
           const auto shared =
               std::count_if(all[list[i]].begin(), all[list[i]].end(), [&](std::uint32_t node) {
-                return std::find(all[list[j]].begin(), all[list[j]].end(), node) !=
-                       all[list[j]].end();
+                return std::find(other.begin(), other.end(), node) != other.end();
               });
           if (shared == 3) groups.join(i, j);
         }

@@ -19,6 +19,8 @@ namespace {
 constexpr double kVolumeError = 1e-3;
 constexpr double kLargestLevel = 0.6;  // of a field of −1 … 1
 constexpr int kCoarsest = 2;
+// A lobe is at least so many of the cubes at its surface thick.
+constexpr double kCellsThick = 1.25;
 // A field of more voxels for each cell of the lattice than this cubed is averaged first.
 constexpr double kMostVoxelsPerCell = 8.0;
 constexpr double kTetrahedraPerCube = 12.0;  // of a uniform lattice
@@ -33,9 +35,11 @@ double volume_m3(const physics::TetrahedralMesh& mesh) {
 /// The body, and meshes of it.
 class Mesher {
  public:
-  Mesher(const LabelMap& map, const SmoothField& field, const OrganMeshing& meshing)
+  Mesher(const LabelMap& map, const SmoothField& field, const OrganMeshing& meshing,
+         double base_level)
       : map_(map),
         field_(field),
+        base_level_(base_level),
         is_fine_(map.segments.size() + 1, false),
         meshing_(meshing),
         index_of_m_(map.ras_of_index_m.inverse()) {
@@ -54,22 +58,23 @@ class Mesher {
     bounds_.highest_m += margin_m;
   }
 
+  /// @param level  moves the surface where it is coarsest, relative to the base level
   [[nodiscard]] physics::TetrahedralMesh mesh(double cell_m, double level) const {
     Stuffing stuffing{.bounds = bounds_, .cell_m = cell_m, .coarsest = kCoarsest};
-    stuffing.inside = [&](const Vector3& place_m) {
-      return field_.at(index_of_m_ * place_m) - level;
-    };
+    stuffing.inside = [&](const Vector3& place_m) { return inside(place_m, level); };
     if (!meshing_.fine.empty()) {
       stuffing.coarsest_at = [&, cell_m](const Vector3& place_m) {
         return is_at_fine_boundary(place_m, cell_m) ? 0 : kCoarsest;
       };
     }
     if (meshing_.site_m) {
-      stuffing.coarsest_at_surface = [&](const Vector3& place_m) {
+      stuffing.coarsest_at_surface = [&, cell_m, level](const Vector3& place_m) {
         const double distance_m = (place_m - *meshing_.site_m).norm();
-        return distance_m < meshing_.site_radius_m         ? 0
-               : distance_m < 2.0 * meshing_.site_radius_m ? 1
-                                                           : 2;
+        const int coarsest = distance_m < meshing_.site_radius_m         ? 0
+                             : distance_m < 2.0 * meshing_.site_radius_m ? 1
+                                                                         : kCoarsest;
+        return coarsest == 0 ? 0
+                             : std::min(coarsest, coarsest_of_thickness(place_m, cell_m, level));
       };
     }
     return stuffed(stuffing);
@@ -98,6 +103,44 @@ class Mesher {
   }
 
  private:
+  [[nodiscard]] double inside(const Vector3& place_m, double level) const {
+    return field_.at(index_of_m_ * place_m) - base_level_ - level * faceting(place_m);
+  }
+
+  /// The cubes that a thin lobe allows, so that it does not vanish between their nodes.
+  /// @param place_m  at most a cell from the surface
+  [[nodiscard]] int coarsest_of_thickness(const Vector3& place_m, double cell_m,
+                                          double level) const {
+    Vector3 inwards;
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vector3 step_m = 0.5 * cell_m * Vector3::Unit(axis);
+      inwards[axis] = inside(place_m + step_m, level) - inside(place_m - step_m, level);
+    }
+    if (!(inwards.norm() > 0.0)) return 0;
+    inwards.normalize();
+    constexpr double kStep = 0.25;  // of a cell
+    double thickness = 0.0;         // in cells
+    for (double at = -1.5; at < kCellsThick * (1 << kCoarsest); at += kStep) {
+      if (inside(place_m + at * cell_m * inwards, level) > 0.0) {
+        thickness += kStep;
+      } else if (at > 1.0) {
+        break;
+      }
+    }
+    return thickness < 2.0 * kCellsThick ? 0 : thickness < 4.0 * kCellsThick ? 1 : kCoarsest;
+  }
+
+  /// How far flat facets lie inside a curved surface, relative to where they are largest: as the
+  /// square of their size. Otherwise the surface would be lifted at the site to make up for the
+  /// volume that is lost elsewhere.
+  [[nodiscard]] double faceting(const Vector3& place_m) const {
+    if (!meshing_.site_m) return 1.0;
+    const double distance = (place_m - *meshing_.site_m).norm() / meshing_.site_radius_m;
+    const double doublings =
+        std::clamp((distance - 0.9) / 0.2, 0.0, 1.0) + std::clamp((distance - 1.9) / 0.2, 0.0, 1.0);
+    return std::pow(4.0, doublings - kCoarsest);
+  }
+
   /// Number of LabelMap::voxels of the nearest voxel.
   [[nodiscard]] std::uint16_t label_at(const Vector3& place_m) const {
     const Vector3 index = index_of_m_ * place_m;
@@ -126,6 +169,7 @@ class Mesher {
 
   const LabelMap& map_;
   const SmoothField& field_;
+  double base_level_;
   std::vector<bool> is_fine_;  // of the numbers of voxels
   const OrganMeshing& meshing_;
   Eigen::Affine3d index_of_m_;
@@ -244,7 +288,8 @@ OrganMesh organ_mesh_of(const LabelMap& map, std::vector<Region> regions,
   for (const std::uint32_t segment : segments) is_inside[segment + 1] = true;
   const SmoothField field(map, is_inside, smoothing);
   const LabelVotes votes(map);
-  const Mesher mesher(map, field, meshing);
+  const double base_level = field.level_of(wanted_m3 / map.voxel_m3(), kLargestLevel);
+  const Mesher mesher(map, field, meshing, base_level);
 
   physics::TetrahedralMesh made;
   for (int i = 0; i < 12; ++i) {

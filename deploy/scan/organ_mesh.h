@@ -54,7 +54,7 @@ struct OrganMesh {
   std::vector<Region> regions{};
   double cell_m = 0.0;
   double smoothing_m = 0.0;  ///< width of the smoothing
-  double level = 0.0;        ///< of the smooth field at which the volume is that of the voxels
+  double level = 0.0;        ///< by which the surface is moved where it is coarsest, for the volume
   double lost_m3 = 0.0;      ///< of parts that touch the rest in an edge, a node or not at all
   FaceAngles angles{};
 };

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <functional>
 
 #include "common/core/check.h"
 
@@ -135,6 +137,46 @@ SmoothField::SmoothField(const LabelMap& map, const std::vector<bool>& is_inside
       values_[i] = value;
     }
   }
+}
+
+double SmoothField::level_of(double voxels, double largest) const {
+  // each value stands for a cube of its own; those near the surface are looked at in eight places
+  const double share = step_ * step_ * step_ / 8.0;
+  const auto limit = static_cast<float>(largest);
+  double inside = 0.0;
+  std::vector<float> near;
+  std::size_t index = 0;
+  for (std::int64_t k = 0; k < size_[2]; ++k) {
+    for (std::int64_t j = 0; j < size_[1]; ++j) {
+      for (std::int64_t i = 0; i < size_[0]; ++i, ++index) {
+        const float value = values_[index];
+        if (value < -0.99F) continue;
+        if (value > 0.99F) {
+          inside += 8.0;
+          continue;
+        }
+        for (int corner = 0; corner < 8; ++corner) {
+          const Vector3 offset((corner & 1 ? 0.25 : -0.25), (corner & 2 ? 0.25 : -0.25),
+                               (corner & 4 ? 0.25 : -0.25));
+          const auto there = static_cast<float>(
+              at(first_ + step_ * (Vector3(static_cast<double>(i), static_cast<double>(j),
+                                           static_cast<double>(k)) +
+                                   offset)));
+          if (there > limit) {
+            inside += 1.0;
+          } else if (there >= -limit) {
+            near.push_back(there);
+          }
+        }
+      }
+    }
+  }
+  if (near.empty()) return 0.0;
+  const double wanted =
+      std::clamp(voxels / share - inside, 0.0, static_cast<double>(near.size() - 1));
+  const auto place = near.begin() + static_cast<std::ptrdiff_t>(wanted);
+  std::nth_element(near.begin(), place, near.end(), std::greater<>());
+  return static_cast<double>(*place);
 }
 
 double SmoothField::at(const Vector3& index) const noexcept {

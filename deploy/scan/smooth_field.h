@@ -30,6 +30,9 @@ class SmoothField {
   /// −1 … 1; continuous. @param index  (i, j, k) of the label map, anywhere
   [[nodiscard]] double at(const Vector3& index) const noexcept;
 
+  /// The value above which the field has this volume, in voxels; within ±`largest`.
+  [[nodiscard]] double level_of(double voxels, double largest) const;
+
   /// Of the body in indices of the label map, half a voxel beyond the centres.
   [[nodiscard]] const Vector3& lowest() const noexcept { return lowest_; }
   [[nodiscard]] const Vector3& highest() const noexcept { return highest_; }

@@ -274,21 +274,7 @@ class Cutter {
   }
 
   physics::TetrahedralMesh finished() {
-    // nodes that no element uses, as of parts that are dropped
-    std::vector<std::uint32_t> place(mesh_.nodes_m.size(), kNone);
-    for (const Corners& corners : mesh_.tetrahedra) {
-      for (const std::uint32_t node : corners) place[node] = 0;
-    }
-    std::vector<Vector3> used;
-    for (std::size_t i = 0; i < place.size(); ++i) {
-      if (place[i] == kNone) continue;
-      place[i] = static_cast<std::uint32_t>(used.size());
-      used.push_back(mesh_.nodes_m[i]);
-    }
-    for (Corners& corners : mesh_.tetrahedra) {
-      for (std::uint32_t& node : corners) node = place[node];
-    }
-    mesh_.nodes_m = std::move(used);
+    physics::drop_unused_nodes(mesh_);  // as of parts that are dropped
     return std::move(mesh_);
   }
 

@@ -46,9 +46,9 @@ bool apply(DeviceBench& bench, const Vector3& force_newton, Duration lease) {
 }
 
 /// Compares the motors with what they should do; good() if they cannot be seen.
-/// @param asked_newton  of which the motors give what their axes can
-CheckOutcome expect_motors(DeviceBench& bench, const Vector3& asked_newton, const char* when) {
-  const Vector3 wanted_newton = bench.device().specification().force_axes * asked_newton;
+/// @param requested_newton  of which the motors give what their axes can
+CheckOutcome expect_motors(DeviceBench& bench, const Vector3& requested_newton, const char* when) {
+  const Vector3 wanted_newton = bench.device().specification().force_axes * requested_newton;
   const std::optional<Vector3> force = bench.motor_force_newton();
   if (!force) return not_observable(kNoForceSeen);
   const double tolerance = kForceTolerance * (wanted_newton.norm() + kForceFloorNewton);
@@ -164,10 +164,10 @@ CheckOutcome check_applied(DeviceBench& bench) {
   const DeviceSpecification& s = bench.device().specification();
   DeviceSample at_switch;
   const Vector3 strongest_newton = Vector3(0.6, 0, -0.8) * s.peak_force_newton;
-  for (const Vector3& asked_newton : {gentle_force_newton(bench), strongest_newton}) {
-    if (!bench.device().apply(asked_newton, 20ms, at_switch)) return failed(kRefused);
-    const double tolerance = kForceTolerance * (asked_newton.norm() + kForceFloorNewton);
-    const Vector3 wanted_newton = s.force_axes * asked_newton;
+  for (const Vector3& requested_newton : {gentle_force_newton(bench), strongest_newton}) {
+    if (!bench.device().apply(requested_newton, 20ms, at_switch)) return failed(kRefused);
+    const double tolerance = kForceTolerance * (requested_newton.norm() + kForceFloorNewton);
+    const Vector3 wanted_newton = s.force_axes * requested_newton;
     if (!((at_switch.applied_force_newton - wanted_newton).norm() < tolerance)) {
       return failed("apply() names " + text_of(at_switch.applied_force_newton, 1.0, "N") +
                     " as the force that acts, of " + text_of(wanted_newton, 1.0, "N"));

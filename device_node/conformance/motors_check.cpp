@@ -13,6 +13,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kLongestPeriod = 5ms;  // of the push, which lasts 62
+constexpr Duration kStill = 50ms;         // within half a millimetre: at rest
+constexpr Duration kLongestDrift = 3s;
 
 }  // namespace
 
@@ -28,6 +30,24 @@ CheckOutcome check_motors(DeviceBench& bench) {
                     .force_axes = specification.force_axes,
                     .limit_newton = specification.continuous_force_newton / 3.0});
   TimePoint next_at = bench.clock().now();
+  // other checks left it moving: a handle that goes further than a push could looks like one pushed
+  const TimePoint rest_by = next_at + kLongestDrift;
+  TimePoint still_since = next_at;
+  Vector3 still_m = Vector3::Zero();
+  while (next_at < rest_by && next_at - still_since < kStill) {
+    DeviceSample reading;
+    DeviceSample at_switch;
+    if (!bench.device().read(reading)) return failed("read() gave nothing");
+    if ((reading.hand_position_m - still_m).cwiseAbs().maxCoeff() > 0.1 * MotorCheck::kFarthest_m) {
+      still_m = reading.hand_position_m;
+      still_since = next_at;
+    }
+    if (!bench.device().apply(Vector3::Zero(), 3 * period, at_switch)) {
+      return failed("apply() refused to give no force");
+    }
+    next_at += period;
+    if (next_at > bench.clock().now()) bench.pass(next_at - bench.clock().now());
+  }
   while (check.verdict() == MotorVerdict::kChecking) {
     DeviceSample reading;
     DeviceSample at_switch;
@@ -45,6 +65,11 @@ CheckOutcome check_motors(DeviceBench& bench) {
     case MotorVerdict::kWrongWay:
       return failed("a push along " + axis + "moves the device another way");
     case MotorVerdict::kTooStrong:
+      if (check.gain_at_least() < 1.0) {
+        return failed("a push along " + axis +
+                      "moved the handle by more than 5 mm: the motors are too strong, or somebody "
+                      "moved it");
+      }
       return failed(fmt::format(
           "the motors push at least {:.1f} times as hard as they are told, or there is less "
           "friction than device.profile says",

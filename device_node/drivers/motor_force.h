@@ -20,10 +20,10 @@ class MotorForce {
 
   /// The force from now on, limited.
   /// @param lease  ≤ 0: none
-  const Vector3& set(const Vector3& asked_newton, Duration lease, TimePoint now) noexcept {
+  const Vector3& set(const Vector3& requested_newton, Duration lease, TimePoint now) noexcept {
     pass_until(now);
     allowed_newton_ = lease > Duration::zero() ? limit_newton(lease) : 0.0;
-    force_newton_ = limited_to_norm(asked_newton, allowed_newton_);
+    force_newton_ = limited_to_norm(requested_newton, allowed_newton_);
     lease_end_ = now + std::max(lease, Duration::zero());
     return force_newton_;
   }
@@ -81,7 +81,7 @@ inline Vector3 round_counts(Vector3& counts, const Matrix3& newton_per_count,
                             double limit_newton) noexcept {
   const Vector3 wanted = counts;
   counts = wanted.array().round();
-  const Vector3 made_newton = newton_per_count * counts;
+  Vector3 made_newton = newton_per_count * counts;
   const double wanted_newton = (newton_per_count * wanted).norm();
   constexpr double kExact = 1.0 + 1e-12;  // rounding of the two norms
   limit_newton = std::min(limit_newton, wanted_newton);

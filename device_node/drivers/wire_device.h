@@ -7,6 +7,7 @@
 #include <chrono>
 #include <exception>
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -71,6 +72,8 @@ class WireDevice : public HapticDevice {
   }
 
   [[nodiscard]] DeviceError last_error() const noexcept final { return error_; }
+
+  void tap(WireTap* tap) noexcept final { tap_ = tap; }
 
   [[nodiscard]] bool reopen(Duration within) noexcept final {
     is_calibrated_ = false;
@@ -137,6 +140,16 @@ class WireDevice : public HapticDevice {
     }
   }
 
+  /// Every message of exchange() and release_once() passes here, and every answer or its absence.
+  void sent(std::span<const std::byte> message) noexcept {
+    if (tap_ != nullptr) tap_->transferred(clock_.now(), true, message);
+  }
+  void received(Transfer outcome, std::span<const std::byte> message) noexcept {
+    if (tap_ == nullptr) return;
+    tap_->transferred(clock_.now(), false,
+                      outcome == Transfer::kDone ? message : std::span<const std::byte>());
+  }
+
   [[nodiscard]] const Clock& clock() const noexcept { return clock_; }
   /// What the force of the motors may be at most after rounding [N].
   [[nodiscard]] double allowed_newton() const noexcept { return motors_.allowed_newton(); }
@@ -182,6 +195,7 @@ class WireDevice : public HapticDevice {
   static constexpr int kLastAttempts = 5;
 
   const Clock& clock_;
+  WireTap* tap_ = nullptr;
   MotorForce motors_;
   DeviceSpecification specification_;
   DeviceError error_ = DeviceError::kNone;

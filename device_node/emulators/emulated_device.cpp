@@ -52,6 +52,7 @@ bool is_in(const PlannedFault& fault, double now_s) {
 
 std::vector<FaultOutcome> outcomes_of(const std::vector<PlannedFault>& faults) {
   std::vector<FaultOutcome> outcomes;
+  outcomes.reserve(faults.size());
   for (const PlannedFault& fault : faults) outcomes.push_back({.fault = fault});
   return outcomes;
 }

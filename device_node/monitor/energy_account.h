@@ -61,6 +61,29 @@ class EnergyAccount {
   /// Last reading.
   [[nodiscard]] const Vector3& position_m() const noexcept { return position_m_; }
 
+  /// Every member, to be written to a file or read from one: state_text.h.
+  template <class Archive>
+  void list(Archive& archive) {
+    archive(resolution_m_);
+    archive(v_skew_m_per_s_);
+    archive(isotropic_coulomb_newton_);
+    for (Path& path : paths_) path.list(archive);
+    archive(used_);
+    if constexpr (Archive::kIsReading) archive.require(used_ <= paths_.size());
+    archive(carried_joule_);
+    archive(work_joule_);
+    archive(last_force_newton_);
+    archive(force_change_newton_);
+    archive(skewed_joule_);
+    archive(skew_s_);
+    archive(next_skew_s_);
+    archive(turning_joule_);
+    archive(position_m_);
+    archive(window_start_m_);
+    archive(play_m_);
+    archive(play_path_m_);
+  }
+
  private:
   /// Friction along one path, on the axes first … first + count − 1.
   struct Path {
@@ -75,6 +98,21 @@ class EnergyAccount {
     double closed_viscous_joule = 0.0;
     double window_s = 0.0;
 
+    template <class Archive>
+    void list(Archive& archive) {
+      archive(first);
+      archive(count);
+      archive(viscous_newton_s_per_m);
+      archive(coulomb_newton);
+      archive(w_m);
+      archive(closed_spans_m);
+      archive(closed_windows_m);
+      archive(closed_viscous_joule);
+      archive(window_s);
+      if constexpr (Archive::kIsReading) {
+        archive.require(first >= 0 && count >= 0 && first <= 3 && count <= 3 - first);
+      }
+    }
     [[nodiscard]] double norm_m(const Vector3& moved_m) const noexcept;
     [[nodiscard]] double moved_m(const Vector3& window_moved_m) const noexcept;
     [[nodiscard]] double viscous_joule(const Vector3& window_moved_m) const noexcept;

@@ -30,6 +30,23 @@ class WorstHand {
   [[nodiscard]] double largest_scale(const Vector3& force_newton, double watt) const noexcept;
   [[nodiscard]] double v_max_m_per_s() const noexcept { return v_max_m_per_s_; }
 
+  /// Every member, to be written to a file or read from one: state_text.h.
+  template <class Archive>
+  void list(Archive& archive) {
+    archive(profile_.viscous_newton_s_per_m);
+    archive(profile_.coulomb_newton);
+    archive(profile_.position_resolution_m);
+    bool has_axes = profile_.per_axis.has_value();
+    archive(has_axes);
+    FrictionPerAxis axes = profile_.per_axis.value_or(FrictionPerAxis{});
+    archive(axes.viscous_newton_s_per_m);
+    archive(axes.coulomb_newton);
+    if constexpr (Archive::kIsReading) {
+      profile_.per_axis = has_axes ? std::optional<FrictionPerAxis>(axes) : std::nullopt;
+    }
+    archive(v_max_m_per_s_);
+  }
+
  private:
   [[nodiscard]] double along_one_axis_watt(double excess_newton,
                                            double viscous_newton_s_per_m) const noexcept;
@@ -107,7 +124,7 @@ class ForceMonitor {
     Duration lease{};
     bool is_reduced = false;
   };
-  /// What is covered of a command that would begin to act in this tick.
+  /// The part of a command that the credit covers this tick.
   [[nodiscard]] Covered cover(const Vector3& force_on_hand_newton, Duration lease) noexcept;
 
   /// M at the last reading [J].
@@ -116,6 +133,30 @@ class ForceMonitor {
   }
   /// What of it covers leases: all but what the skew may cost [J].
   [[nodiscard]] double coverable_joule() const noexcept;
+
+  /// Every member, to be written to a file or read from one: state_text.h.
+  template <class Archive>
+  void list(Archive& archive) {
+    lasting_.list(archive);
+    recent_.list(archive);
+    archive(floor_joule_);
+    archive(resolution_m_);
+    worst_hand_.list(archive);
+    archive(most_newton_);
+    archive(reply_);
+    archive(hold_);
+    archive(ends_.are_by_themselves);
+    archive(ends_.reach_m);
+    archive(is_lost_);
+    archive(since_);
+    archive(acting_newton_);
+    archive(first_end_);
+    archive(last_end_);
+    archive(skew_s_);
+    archive(covered_watt_);
+    archive(credit_joule_);
+    archive(failed_newton_);
+  }
 
  private:
   static constexpr double kUncovered = std::numeric_limits<double>::infinity();

@@ -68,6 +68,24 @@ class FrozenWatch {
   /// No force above f_co until a reading differs.
   [[nodiscard]] bool is_frozen() const noexcept { return is_frozen_; }
 
+  /// Every member, to be written to a file or read from one: state_text.h.
+  template <class Archive>
+  void list(Archive& archive) {
+    archive(coulomb_newton_);
+    archive(change_newton_);
+    archive(v_max_m_per_s_);
+    archive(rounding_m_);
+    archive(has_reading_);
+    archive(is_frozen_);
+    archive(position_m_);
+    archive(read_at_);
+    archive(pushed_since_);
+    archive(has_changed_);
+    archive(changed_at_);
+    archive(least_newton_);
+    archive(most_newton_);
+  }
+
  private:
   static constexpr double kStiffestHand_newton_per_m = 3000.0;
   static constexpr double kSame_m = 1e-9;

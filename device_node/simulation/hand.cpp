@@ -242,7 +242,7 @@ Target Hand::target_without_sense(double t_s) noexcept {
       config_.path);
   t_s_ = t_s;
   if (led_) {
-    const Target back = led_->target_towards(target, t_s);
+    Target back = led_->target_towards(target, t_s);
     if ((back.position_m - target.position_m).norm() > kBackOnPath_m) return back;
     led_.reset();
     is_returning_ = false;

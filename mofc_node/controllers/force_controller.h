@@ -56,9 +56,9 @@ struct ControlInput {
   double acting_lease_s = std::numeric_limits<double>::infinity();
   /// The device itself covers commands by no more than this energy at t_k; infinite: by any.
   double energy_limit_joule = std::numeric_limits<double>::infinity();
-  Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< F_e(k)
+  Vector3 requested_force_on_hand_newton = Vector3::Zero();  ///< F_e(k)
   /// F_e(k) was evaluated since the previous step; false: it is held.
-  bool is_asked_fresh = true;
+  bool is_request_fresh = true;
   /// Elastic energy in the environment that it may give back to the hand; 0 where unknown.
   double stored_energy_joule = 0.0;
 
@@ -91,8 +91,8 @@ struct ControlOutput {
 
 /// One bound for all directions: F = F_e min(1, f_max / |F_e|), direction kept. The caller sets
 /// the ledger's energy. No allocation, no throw. Lemma: reduction.
-/// @param asked_force_on_hand_newton  F_e   @param f_max_newton  ≥ 0
-[[nodiscard]] ControlOutput output_within(const Vector3& asked_force_on_hand_newton,
+/// @param requested_force_on_hand_newton  F_e   @param f_max_newton  ≥ 0
+[[nodiscard]] ControlOutput output_within(const Vector3& requested_force_on_hand_newton,
                                           double f_max_newton) noexcept;
 
 /// Limits the requested force so that the hand cannot extract energy; `PassThrough` does not limit

@@ -23,7 +23,7 @@ void GuardMofc::reset() noexcept {
   gate_store_joule_ = p_.gate_joule;
   contact_work_joule_ = 0.0;
   moved_since_fresh_m_.setZero();
-  asked_newton_.setZero();
+  requested_newton_.setZero();
 }
 
 ControlOutput GuardMofc::step(const ControlInput& input) noexcept {
@@ -35,15 +35,15 @@ ControlOutput GuardMofc::step(const ControlInput& input) noexcept {
   position_m_ = input.hand_position_m;
   moved_since_fresh_m_ += moved;
   if (input.has_gap) {
-    asked_newton_.setZero();
+    requested_newton_.setZero();
     moved_since_fresh_m_.setZero();
   }
   const double surely_moved_m = moved.norm() - std::numbers::sqrt3 * p_.resolution_m;
   const bool is_too_fast = surely_moved_m > p_.v_max_m_per_s * elapsed_s;
 
   // the cap, the gate
-  const bool is_asked = !input.asked_force_on_hand_newton.isZero(0.0);
-  contact_work_joule_ = is_asked ? contact_work_joule_ + work_joule : 0.0;
+  const bool is_requested = !input.requested_force_on_hand_newton.isZero(0.0);
+  contact_work_joule_ = is_requested ? contact_work_joule_ + work_joule : 0.0;
   pool_.limit(p_.credit_cap_joule +
               std::max({0.0, input.stored_energy_joule,
                         std::min(contact_work_joule_, p_.contact_credit_joule)}));
@@ -62,13 +62,14 @@ void GuardMofc::update_gate(const ControlInput& input, double elapsed_s) noexcep
   dissipated_joule_ = dissipated;
 
   // what holding the force while the hand moved has leaked, booked when the next force is known
-  if (input.is_asked_fresh) {
-    const double before = asked_newton_.norm();
+  if (input.is_request_fresh) {
+    const double before = requested_newton_.norm();
     const double share =
         before > 0.0 ? std::min(1.0, input.acting_force_on_hand_newton.norm() / before) : 1.0;
     gate_store_joule_ +=
-        0.5 * share * (input.asked_force_on_hand_newton - asked_newton_).dot(moved_since_fresh_m_);
-    asked_newton_ = input.asked_force_on_hand_newton;
+        0.5 * share *
+        (input.requested_force_on_hand_newton - requested_newton_).dot(moved_since_fresh_m_);
+    requested_newton_ = input.requested_force_on_hand_newton;
     moved_since_fresh_m_.setZero();
   }
 

@@ -64,7 +64,7 @@ class GuardMofc final : public ForceController {
   double gate_store_joule_;                        // S
   Vector3 position_m_ = Vector3::Zero();           // x of the step before
   Vector3 moved_since_fresh_m_ = Vector3::Zero();  // Δx since F_e was last evaluated
-  Vector3 asked_newton_ = Vector3::Zero();         // that F_e
+  Vector3 requested_newton_ = Vector3::Zero();     // that F_e
   double dissipated_joule_ = 0.0;                  // by the ledger's count, at the last step
 };
 

@@ -102,7 +102,7 @@ ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const no
   const double hole_s = p_.bridges_holes && has_ended_unread_ ? holes_.longest_s() : 0.0;
   const double covered_s = hole_s <= longest_s ? std::max(p_.mofc.T, hole_s) : p_.mofc.T;
 
-  ControlOutput output = clamp_.clamp(input.asked_force_on_hand_newton,
+  ControlOutput output = clamp_.clamp(input.requested_force_on_hand_newton,
                                       (energy - spent) * (p_.mofc.T / covered_s), gate);
   output.ledger_energy_joule = energy;
 

@@ -18,19 +18,19 @@ double OnePoolClamp::drain_watt(const Vector3& force_newton) const noexcept {
   return std::min(sum, controllers::drain_watt(least, excess.norm(), v_max_m_per_s_));
 }
 
-ControlOutput OnePoolClamp::clamp(const Vector3& asked, double energy_joule,
+ControlOutput OnePoolClamp::clamp(const Vector3& requested, double energy_joule,
                                   double gate) const noexcept {
   const auto granted = [&](double absorbed, double paid) {
     return absorbed + gate * (paid - absorbed);
   };
   if (!per_axis_) {
-    return output_within(asked,
+    return output_within(requested,
                          granted(p_.f_co, maximum_force_newton(p_, energy_joule, v_max_m_per_s_)));
   }
   ControlOutput output;
-  const double scale = granted(absorbed_scale(asked), paid_scale(asked, energy_joule));
-  output.force_on_hand_newton = scale < 1.0 ? Vector3(scale * asked) : asked;
-  output.is_clamped = output.force_on_hand_newton != asked;
+  const double scale = granted(absorbed_scale(requested), paid_scale(requested, energy_joule));
+  output.force_on_hand_newton = scale < 1.0 ? Vector3(scale * requested) : requested;
+  output.is_clamped = output.force_on_hand_newton != requested;
   for (int i = 0; i < 3; ++i) {
     // what the whole pool would pay for along this axis
     const MofcParameters axis = per_axis_->on_axis(i, p_.T);

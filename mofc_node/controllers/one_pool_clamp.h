@@ -41,11 +41,11 @@ class OnePoolClamp {
   [[nodiscard]] double drain_watt(const Vector3& force_newton) const noexcept;
 
   /// The largest F along the requested force. The caller sets the ledger's energy and the lease.
-  /// @param asked_force_on_hand_newton  F_e
+  /// @param requested_force_on_hand_newton  F_e
   /// @param energy_joule  E′; below 0 counts as 0
   /// @param gate  0 … 1: granted share of the force beyond what friction alone absorbs
-  [[nodiscard]] ControlOutput clamp(const Vector3& asked_force_on_hand_newton, double energy_joule,
-                                    double gate = 1.0) const noexcept;
+  [[nodiscard]] ControlOutput clamp(const Vector3& requested_force_on_hand_newton,
+                                    double energy_joule, double gate = 1.0) const noexcept;
 
  private:
   [[nodiscard]] double absorbed_scale(const Vector3& force_newton) const noexcept;

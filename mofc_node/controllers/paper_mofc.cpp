@@ -33,10 +33,10 @@ ControlOutput PaperMofc::step(const ControlInput& input) noexcept {
   ControlOutput output;
   for (int axis = 0; axis < 3; ++axis) {
     const double f_max = maximum_force_newton(friction_.on_axis(axis, T_), energy_joule_[axis]);
-    const double asked = input.asked_force_on_hand_newton[axis];
+    const double requested = input.requested_force_on_hand_newton[axis];
     output.f_max_newton[axis] = f_max;
-    output.force_on_hand_newton[axis] = output_force_newton(asked, f_max);
-    output.is_clamped = output.is_clamped || std::abs(asked) > f_max;
+    output.force_on_hand_newton[axis] = output_force_newton(requested, f_max);
+    output.is_clamped = output.is_clamped || std::abs(requested) > f_max;
   }
   output.ledger_energy_joule = energy_joule_.sum();
   return output;

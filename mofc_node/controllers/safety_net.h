@@ -24,13 +24,13 @@ class SafetyNet final : public ForceController {
   /// Bound, credit and lease are those of guard; the wave is that of the inner controller.
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override {
     const ControlOutput inner = inner_->step(input);
-    ControlInput asked = input;
-    asked.asked_force_on_hand_newton = inner.force_on_hand_newton.allFinite()
-                                           ? inner.force_on_hand_newton
-                                           : Vector3(Vector3::Zero());
-    ControlOutput output = guard_.step(asked);
+    ControlInput requested = input;
+    requested.requested_force_on_hand_newton = inner.force_on_hand_newton.allFinite()
+                                                   ? inner.force_on_hand_newton
+                                                   : Vector3(Vector3::Zero());
+    ControlOutput output = guard_.step(requested);
     output.sent_wave = inner.sent_wave;
-    output.is_clamped = output.force_on_hand_newton != input.asked_force_on_hand_newton;
+    output.is_clamped = output.force_on_hand_newton != input.requested_force_on_hand_newton;
     return output;
   }
 

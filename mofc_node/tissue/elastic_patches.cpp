@@ -22,6 +22,10 @@ Vector3 times(double step, const std::array<std::int16_t, 3>& values) noexcept {
   return step / kElasticScale * Vector3(values[0], values[1], values[2]);
 }
 
+Vector3 away_of(const ElasticState& state, const std::array<std::int16_t, 3>& away) noexcept {
+  return state.from_m + times(static_cast<double>(state.away_step_m), away);
+}
+
 }  // namespace
 
 /// A state of the body, and the contact that continues from it.
@@ -35,9 +39,11 @@ struct ElasticPatches::Model {
   double sum_newton = 0.0;  // of the forces' sizes in the state
   std::array<bool, kElasticSlots> is_present{};
   std::array<Vector3, kElasticSlots> rest_m;
-  std::array<Vector3, kElasticSlots> solved_m;
+  std::array<Vector3, kElasticSlots> solved_m;  // where the forces of the state want the points
   std::array<Vector3, kElasticSlots> solved_newton;
   std::array<Vector3, kElasticSlots> base_m;
+  std::array<Vector3, kElasticSlots> reached_m;   // of a viscous body, in the last sweep,
+  std::array<bool, kElasticSlots> has_reached{};  // if it is known
   std::array<Vector3, kElasticSlots> normals;
   std::array<Vector3, kElasticSlots> forces_newton;
   std::array<double, kElasticSlots> rigid_give;
@@ -61,6 +67,10 @@ struct ElasticPatches::Model {
                           const Vector3 there = m - tip_m;
                           return (there - n * n.dot(there)).norm() < state.tip_radius_m;
                         });
+  }
+  /// By the compliance, in the last sweep.
+  [[nodiscard]] Vector3 moved_of(std::size_t slot) const noexcept {
+    return Eigen::Map<const Eigen::Vector3f>(moved_m.data() + 3 * slot).cast<double>();
   }
   void clear_forces() noexcept {
     forces_newton.fill(Vector3::Zero());
@@ -95,7 +105,8 @@ class ElasticPatches::Patch {
     state_ = state;
     has_state_ = true;
   }
-  Result step(const Interaction& newest, const Vector3& tip_m, double most_newton) noexcept;
+  Result step(const Interaction& newest, const Vector3& tip_m, double dt_s,
+              double most_newton) noexcept;
 
  private:
   struct Held {
@@ -116,10 +127,11 @@ class ElasticPatches::Patch {
     }
   }
   void begin(Model& model) noexcept;
+  void reach(Model& model) noexcept;
   void follow_on() noexcept;
   void arrive(Model& model) noexcept;
-  void sweep_to(const Vector3& tip_m, Model& model) noexcept;
-  bool walk_to(const Vector3& tip_m, int most_steps, Model& model) noexcept;
+  void sweep_to(const Vector3& tip_m, double step_s, Model& model) noexcept;
+  bool walk_to(const Vector3& tip_m, int most_steps, double dt_s, Model& model) noexcept;
   void rub(const Interaction& newest, const Vector3& tip_m, const ElasticState& state,
            ModelForce& force) noexcept;
 
@@ -174,7 +186,8 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
   model.sum_newton = 0.0;
   model.is_present.fill(false);
   model.rest_m.fill(Vector3::Constant(kNowhere_m));
-  model.solved_m = model.base_m = model.rest_m;
+  model.solved_m = model.base_m = model.reached_m = model.rest_m;
+  model.has_reached.fill(false);
   model.solved_newton.fill(Vector3::Zero());
   model.rigid_give.fill(1.0);
   model.clear_forces();
@@ -187,9 +200,15 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
   arrive(model);
   model.is_walking = true;
   model.at_m = state_.center_m;
+  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+    if (!model.is_present[slot]) continue;
+    model.reached_m[slot] = away_of(state_, state_.places[slot].away);
+    model.has_reached[slot] = true;
+  }
 }
 
-/// The next model begins with the forces of the present one, at the same tip.
+/// The next model begins with the forces of the present one, at the same tip; a viscous body where
+/// it is in that, since the state is late but the tip was followed.
 void ElasticPatches::Patch::follow_on() noexcept {
   const Model& before = current();
   Model& model = next();
@@ -199,6 +218,8 @@ void ElasticPatches::Patch::follow_on() noexcept {
     const bool is_same = model.is_present[slot] && before.is_present[slot] &&
                          model.state.places[slot].version == before.state.places[slot].version;
     model.forces_newton[slot] = is_same ? before.forces_newton[slot] : Vector3(Vector3::Zero());
+    model.has_reached[slot] = is_same && before.has_reached[slot];
+    if (model.has_reached[slot]) model.reached_m[slot] = before.reached_m[slot];
   }
 }
 
@@ -212,38 +233,52 @@ void ElasticPatches::Patch::arrive(Model& model) noexcept {
     if (place.version == 0) continue;
     const Held& held = held_[slot];
     const bool is_present = held.version == place.version;
-    const Vector3 solved_m =
-        state.from_m + times(static_cast<double>(state.away_step_m), place.away);
     if (is_present && !model.is_present[slot]) {
       model.rest_m[slot] = held.rest_m;
       model.rigid_give[slot] = held.rigid_give;
-      model.solved_m[slot] = model.base_m[slot] = solved_m;
+      model.solved_m[slot] = model.base_m[slot] =
+          away_of(state, state.relaxation_s > 0.0 ? place.rest : place.away);
+      model.has_reached[slot] = false;
       model.forces_newton[slot] = model.solved_newton[slot];
     }
     if (!is_present) {
       if (model.is_present[slot]) {
         model.rest_m[slot] = model.solved_m[slot] = Vector3::Constant(kNowhere_m);
+        model.base_m[slot] = model.reached_m[slot] = model.rest_m[slot];
         model.forces_newton[slot].setZero();
       }
       model.is_complete = model.is_complete && !place.is_pressed();
-      model.missing_m[model.missing_count++] = solved_m;
+      model.missing_m[model.missing_count++] = away_of(state, place.away);
     }
     model.is_present[slot] = is_present;
   }
 }
 
-void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, Model& model) noexcept {
-  SphereSweep sphere{.count = kElasticSlots,
-                     .compliance_m_per_newton = compliance_.data(),
-                     .stride = kStride,
-                     .compliance_ratio = model.state.compliance_ratio,
-                     .base_m = model.base_m.data(),
-                     .rigid_give_m_per_newton = model.rigid_give.data(),
-                     .normals = model.normals.data(),
-                     .forces_newton = model.forces_newton.data(),
-                     .moved_m = model.moved_m.data(),
-                     .center_m = tip_m,
-                     .radius_m = model.state.tip_radius_m};
+/// A point of which it is not known where it is has had time to follow its forces.
+void ElasticPatches::Patch::reach(Model& model) noexcept {
+  for (std::size_t i = 0; i < kElasticSlots; ++i) {
+    if (!model.is_present[i] || model.has_reached[i]) continue;
+    model.has_reached[i] = true;
+    model.reached_m[i] = model.base_m[i] + model.moved_of(i);
+  }
+}
+
+/// @param step_s  since the last sweep; 0: the body comes to rest
+void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model& model) noexcept {
+  SphereSweep sphere{
+      .count = kElasticSlots,
+      .compliance_m_per_newton = compliance_.data(),
+      .stride = kStride,
+      .compliance_ratio = model.state.compliance_ratio,
+      .base_m = model.base_m.data(),
+      .rigid_give_m_per_newton = model.rigid_give.data(),
+      .normals = model.normals.data(),
+      .forces_newton = model.forces_newton.data(),
+      .moved_m = model.moved_m.data(),
+      .center_m = tip_m,
+      .radius_m = model.state.tip_radius_m,
+      .reached_m = model.reached_m.data(),
+      .pace = pace_of(model.state.compliance_ratio * model.state.relaxation_s, step_s)};
   // from between the untouched body and the state, where the forces are nearest
   double sum_newton = 0.0;
   for (const Vector3& force : model.forces_newton) sum_newton += force.norm();
@@ -256,6 +291,8 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, Model& model) noexcep
     const Vector3 change = model.forces_newton[i] - share * model.solved_newton[i];
     if (!change.isZero(0.0)) add_columns(sphere, i, change, model.moved_m.data());
   }
+  const bool is_viscous = model.state.relaxation_s > 0.0;
+  if (is_viscous) reach(model);
   sweep(sphere, kMostSweeps, kMostChanges, kSweepTolerance_m);
   model.at_m = tip_m;
 
@@ -264,15 +301,16 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, Model& model) noexcep
   model.is_touching = false;
   for (std::size_t i = 0; i < kElasticSlots; ++i) {
     const Vector3& force = model.forces_newton[i];
+    const Vector3 at_m = is_viscous ? place_of(sphere, i) : model.base_m[i] + model.moved_of(i);
+    if (model.is_present[i]) model.reached_m[i] = at_m;
     if (force.isZero(0.0)) continue;
     model.is_touching = true;
     sum -= force;
-    const Vector3 moved_m =
-        Eigen::Map<const Eigen::Vector3f>(model.moved_m.data() + 3 * i).cast<double>();
-    work_joule += 0.5 * force.dot(model.base_m[i] + moved_m - model.rest_m[i]);
+    work_joule += 0.5 * force.dot(at_m - model.rest_m[i]);
   }
-  model.force_on_tool_newton =
-      model.is_touching ? Vector3(sum + model.state.other_newton) : Vector3(Vector3::Zero());
+  model.force_on_tool_newton = model.is_touching
+                                   ? Vector3(sum + model.state.force_outside_patch_newton)
+                                   : Vector3(Vector3::Zero());
   model.stored_energy_joule = std::clamp(work_joule, 0.0, kMaxStoredEnergyJoule);
   // in doubt there is no force
   if (!sum.allFinite() || !std::isfinite(work_joule) ||
@@ -283,22 +321,26 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, Model& model) noexcep
 }
 
 /// False: it is not there yet.
-bool ElasticPatches::Patch::walk_to(const Vector3& tip_m, int most_steps, Model& model) noexcept {
+/// On its first way to the tip the body comes to rest in every step but the last one.
+bool ElasticPatches::Patch::walk_to(const Vector3& tip_m, int most_steps, double dt_s,
+                                    Model& model) noexcept {
   const double longest_m = kStepShare * model.state.tip_radius_m;
+  const double steps = std::max(1.0, std::ceil((tip_m - model.at_m).norm() / longest_m));
+  const double step_s = dt_s / steps;
   for (int i = 0; i < most_steps; ++i) {
     const Vector3 way_m = tip_m - model.at_m;
     const double length_m = way_m.norm();
     if (length_m <= longest_m) {
-      sweep_to(tip_m, model);
+      sweep_to(tip_m, step_s, model);
       return true;
     }
-    sweep_to(model.at_m + longest_m / length_m * way_m, model);
+    sweep_to(model.at_m + longest_m / length_m * way_m, model.is_walking ? 0.0 : step_s, model);
   }
   return false;
 }
 
 ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, const Vector3& tip_m,
-                                                   double most_newton) noexcept {
+                                                   double dt_s, double most_newton) noexcept {
   // a new state waits for the end of a crossing, and of the way of the first model to the tip
   const bool is_used = current().is_there && current().is_complete;
   if (has_state_ && !is_crossing_ && !(is_used && current().is_walking)) {
@@ -312,7 +354,7 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
   Result result{.is_stepped = true, .tissue = current().state.tissue};
   if (!current().is_complete) return {};
   const bool has_next = next().is_there && next().is_complete;
-  const bool is_there = walk_to(tip_m, has_next ? kMostSteps - 1 : kMostSteps, current());
+  const bool is_there = walk_to(tip_m, has_next ? kMostSteps - 1 : kMostSteps, dt_s, current());
   current().is_walking = !is_there;
   const Model* model = &current();
   result.force = {model->force_on_tool_newton, model->stored_energy_joule, model->is_touching};
@@ -322,7 +364,7 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
     follow_on();
   }
   if (is_crossing_) {
-    if (has_next) sweep_to(tip_m, next());
+    if (has_next) sweep_to(tip_m, dt_s, next());
     const Vector3 difference = next().force_on_tool_newton - model->force_on_tool_newton;
     const double newton = difference.norm();
     share_ = newton > most_newton ? std::min(1.0, share_ + most_newton / newton) : 1.0;
@@ -401,7 +443,7 @@ void ElasticPatches::reset() noexcept {
 
 void ElasticPatches::step(const Interaction& newest, const Vector3& tip_m, double dt_s) noexcept {
   for (std::size_t i = 0; i < kMaxElasticPatches; ++i) {
-    results_[i] = patches_[i].step(newest, tip_m, newton_per_s_ * dt_s);
+    results_[i] = patches_[i].step(newest, tip_m, dt_s, newton_per_s_ * dt_s);
   }
 }
 

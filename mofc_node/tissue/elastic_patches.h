@@ -19,7 +19,8 @@ namespace palpate::mofc {
 /// A step is valid if the tip touches listed points only, and all of these have arrived that the
 /// tip may touch or that carry a force. The first model of a contact begins where the tip was in
 /// its state, and goes from there to where the tip is in steps of at most a quarter of its radius;
-/// a later one begins with the forces of the model before it. Between two models the force changes
+/// a later one begins with the forces of the model before it, and a viscous body where it is in
+/// that. Between two models the force changes
 /// as in ModelHandover. Until a model is there, and beyond its points, the contact model of the
 /// Interaction counts.
 ///

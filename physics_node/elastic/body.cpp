@@ -50,6 +50,14 @@ void check(const BodyDescription& body) {
     require(material.mass_damping_per_s >= 0.0 && material.stiffness_damping_s >= 0.0,
             "damping must not be below 0");
   }
+  require(body.branches.size() <= kMostBranches, "at most 8 branches");
+  double shares = 0.0;
+  for (const Branch& branch : body.branches) {
+    shares += branch.share;
+    require(branch.share > 0.0 && branch.tau_s > 0.0 && std::isfinite(branch.tau_s),
+            "share and tau_s of a branch must be above 0");
+  }
+  require(shares < 1.0, "the shares of the branches must sum to less than 1");
   const MeshQuality quality = quality_of(mesh);
   require(quality.inverted == 0, std::to_string(quality.inverted) +
                                      " elements are inverted or flat, the worst is number " +
@@ -110,17 +118,21 @@ double dilatation(Law law, const Matrix3<double>& F, const double* q) {
 
 }  // namespace
 
-Body::Body(BodyDescription description) : description_(std::move(description)) {
+Body::Body(BodyDescription description, const Body* alike) : description_(std::move(description)) {
   check(description_);
   const Mesh& mesh = description_.mesh;
   std::vector<bool> is_fixed(mesh.nodes_m.size(), false);
   for (const std::uint32_t node : description_.fixed_nodes) is_fixed[node] = true;
   pattern_ = pattern_of(mesh, is_fixed);
-  SymbolicFactor dissected = analyse(pattern_, dissection_order(pattern_, mesh.nodes_m));
-  SymbolicFactor least_degree = analyse(pattern_, minimum_degree_order(pattern_));
-  symbolic_ = std::make_shared<const SymbolicFactor>(
-      dissected.stored_blocks < least_degree.stored_blocks ? std::move(dissected)
-                                                           : std::move(least_degree));
+  if (alike != nullptr) {
+    symbolic_ = alike->symbolic_;
+  } else {
+    SymbolicFactor dissected = analyse(pattern_, dissection_order(pattern_, mesh.nodes_m));
+    SymbolicFactor least_degree = analyse(pattern_, minimum_degree_order(pattern_));
+    symbolic_ = std::make_shared<const SymbolicFactor>(
+        dissected.stored_blocks < least_degree.stored_blocks ? std::move(dissected)
+                                                             : std::move(least_degree));
+  }
 
   const auto nodes = static_cast<Eigen::Index>(mesh.nodes_m.size());
   rest_m_.resize(3 * nodes);
@@ -187,9 +199,10 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
   for (std::size_t e = 0; e < mesh.element_count(); ++e) {
     const auto t = mesh.element(e);
     const Material& material = description_.materials[mesh.regions.empty() ? 0 : mesh.regions[e]];
-    const double mu = material.mu();
-    const double lambda = material.lambda();
-    const double rate = shift.per_viscosity * material.stiffness_damping_s;
+    const double stiffening = 1.0 + shift.stiffening;
+    const double mu = stiffening * material.mu();
+    const double lambda = stiffening * material.lambda();
+    const double rate = shift.per_viscosity * material.stiffness_damping_s / stiffening;
     Matrix3d edges;
     for (int k = 0; k < 3; ++k) {
       edges.col(k) = mesh.nodes_m[t[static_cast<std::size_t>(k + 1)]] - mesh.nodes_m[t[0]];
@@ -224,7 +237,7 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
       dilatation_sum += dilatation(description_.law, f, q);
     }
     const double pressure = lambda * dilatation_sum / static_cast<double>(points);
-    Eigen::Matrix<double, 3, 10> widening = Eigen::Matrix<double, 3, 10>::Zero();
+    Eigen::Matrix<double, 3, 10> dilatation_gradient = Eigen::Matrix<double, 3, 10>::Zero();
     for (std::size_t point = 0; point < points; ++point) {
       const Gradients& g = gradients[point];
       PointTangent at =
@@ -236,7 +249,8 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
         for (std::size_t a = 0; a < t.size(); ++a) {
           const auto column = static_cast<Eigen::Index>(a);
           for (int i = 0; i < 3; ++i) {
-            widening(i, column) += g.row(column).dot(at.dilatation.segment<3>(3 * i)) * volume;
+            dilatation_gradient(i, column) +=
+                g.row(column).dot(at.dilatation.segment<3>(3 * i)) * volume;
           }
         }
       }
@@ -264,7 +278,7 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
       const auto j = static_cast<Eigen::Index>(b);
       for (int r = 0; r < 3; ++r) {
         for (int k = 0; k < 3; ++k)
-          block[3 * r + k] += per_volume * widening(r, i) * widening(k, j);
+          block[3 * r + k] += per_volume * dilatation_gradient(r, i) * dilatation_gradient(k, j);
       }
     });
   }

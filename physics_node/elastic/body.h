@@ -22,6 +22,8 @@ struct BodyDescription {
   Law law = Law::kCorotational;
   std::vector<std::uint32_t> fixed_nodes;
   Vector3d gravity_m_per_s2 = Vector3d::Zero();
+  /// Of all materials, whose moduli are those at rest; shares sum to less than 1.
+  std::vector<Branch> branches = {};
 };
 
 /// What does not change while a body moves. Positions are vectors of 3 per node.
@@ -29,7 +31,9 @@ class Body {
  public:
   /// @throws std::invalid_argument  mesh not usable (quality_of), no fixed node, a node, region or
   ///     material out of range
-  explicit Body(BodyDescription description);
+  /// @param alike  of the same elements and fixed nodes, in another shape: its order of
+  ///     elimination is used; null: it is sought
+  explicit Body(BodyDescription description, const Body* alike = nullptr);
   Body(const Body&) = delete;  // factors and simulations refer to it
   Body& operator=(const Body&) = delete;
 
@@ -63,6 +67,7 @@ class Body {
     double per_mass = 0.0;       ///< added times the mass of each node
     double per_damping = 0.0;    ///< added times its mass damping
     double per_viscosity = 0.0;  ///< 1/h: with the viscous stiffness β/h
+    double stiffening = 0.0;     ///< of the springs, by branches @see Relaxation
   };
   /// Stiffness at x. With `is_projected` every point's tangent is made positive semidefinite.
   /// @param rotations  start of the search for the elements' rotations: a quaternion per node

@@ -16,6 +16,8 @@ constexpr double kQuiet_m_per_s = 1e-6;
 constexpr double kTangled_m = 1e-3;
 // A part of a step becomes longer when it could have been twice as long for so many parts.
 constexpr int kCoarseSteps = 100;
+// A body whose branches hold less than this has relaxed.
+constexpr double kRelaxed_m = 1e-6;
 // Energy that rounding and the tolerance of the search may add in a step, relative.
 constexpr double kEnergyRounding = 1e-12;
 
@@ -35,7 +37,9 @@ Dynamics::Dynamics(const Body& body, const DynamicsSettings& settings)
       settings_(settings),
       search_(body),
       factor_(std::make_unique<WarpedFactor>(body, Precision::kFloat)),
-      x_(body.rest_m()) {
+      x_(body.rest_m()),
+      relaxation_(body.description().branches, body.rest_m().size()) {
+  if (relaxation_.is_there()) spring_newton_ = spring_change_newton_ = VectorXd::Zero(x_.size());
   v_ = VectorXd::Zero(x_.size());
   acceleration_ = v_;
   start_ = inertial_ = found_ = next_ = x_;
@@ -62,6 +66,7 @@ void Dynamics::set_state(const VectorXd& x_m, const VectorXd& v_m_per_s) {
   }
   acceleration_.setZero();
   is_energy_known_ = false;
+  is_spring_known_ = false;
   is_asleep_ = false;
   quiet_steps_ = 0;
 }
@@ -120,10 +125,14 @@ void Dynamics::take_factor() {
 SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
   inertial_ = start_ + h_s * v_;
   found_ = inertial_ + (h_s * h_s) * acceleration_;
+  relaxation_.begin(h_s, spring_newton_);
+  const bool has_branches = relaxation_.is_there();
   const Goal goal{.step_s = h_s,
                   .inertial_m = inertial_.data(),
                   .before_m = start_.data(),
-                  .obstacle = obstacle};
+                  .obstacle = obstacle,
+                  .stiffening = relaxation_.stiffening(),
+                  .pull_newton = has_branches ? &relaxation_.pull_newton() : nullptr};
   const bool is_other_step =
       !is_similar(goal.shift(), factor_->shift(), settings_.other_step_ratio);
   if (!factor_->is_ready() || (is_other_step && settings_.is_exact)) {
@@ -191,6 +200,7 @@ StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
     is_energy_known_ = true;
   }
   start_ = x_;
+  if (!is_spring_known_) read_springs();
   remember(search_.batches(), x_.data());
 
   double theta = obstacle == nullptr ? settings_.theta : 1.0;
@@ -218,7 +228,7 @@ StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
     } else {
       report.elastic_joule = report.search.elastic_joule;
     }
-    if (obstacle != nullptr) break;  // it may do work
+    if (obstacle != nullptr || relaxation_.is_there()) break;  // they may do work
     const double gain = report.energy_joule() - energy_joule_;
     const double scale =
         report.kinetic_joule + report.elastic_joule + std::abs(report.gravity_joule);
@@ -246,6 +256,13 @@ StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
   energy_joule_ = report.energy_joule();
   counters_.unconverged += report.search.is_converged ? 0 : 1;
 
+  if (relaxation_.is_there()) {
+    spring_change_newton_ = -spring_newton_;
+    read_springs();
+    spring_change_newton_ += spring_newton_;
+    next_ = x_ - start_;
+    relaxation_.end(dt_s, spring_change_newton_, next_);
+  }
   search_.update_rotations(x_);
   if (!settings_.is_exact) {
     const Goal goal{.step_s = theta * dt_s};
@@ -262,7 +279,14 @@ StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
   return report;
 }
 
-bool Dynamics::untangle(double energy_joule) {
+void Dynamics::read_springs() {
+  is_spring_known_ = true;
+  if (!relaxation_.is_there()) return;
+  spring_newton_.setZero();
+  add_gradient(search_.batches(), x_.data(), 0.0, spring_newton_.data());
+}
+
+bool Dynamics::reset_if_inverted_at_rest(double energy_joule) {
   next_ = body_.rest_m();
   for (const std::uint32_t node : body_.description().fixed_nodes) {
     next_.segment<3>(3 * Eigen::Index{node}) = x_.segment<3>(3 * Eigen::Index{node});
@@ -283,7 +307,11 @@ void Dynamics::watch_for_rest(const StepReport& report, double dt_s) {
                         dt_s * acceleration_.cwiseAbs().maxCoeff() < kQuiet_m_per_s;
   quiet_steps_ = is_quiet ? quiet_steps_ + 1 : 0;
   if (quiet_steps_ < kQuietSteps) return;
-  if (untangle(report.energy_joule())) return;
+  if (relaxation_.is_there()) {
+    if (relaxation_.creep_m().cwiseAbs().maxCoeff() > kRelaxed_m) return;
+    relaxation_.forget();
+  }
+  if (reset_if_inverted_at_rest(report.energy_joule())) return;
   is_asleep_ = true;
   v_.setZero();
   acceleration_.setZero();

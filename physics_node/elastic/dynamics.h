@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "physics_node/elastic/equilibrium.h"
+#include "physics_node/elastic/relaxation.h"
 
 namespace palpate::elastic {
 
@@ -64,8 +65,9 @@ struct DynamicsCounters {
 };
 
 /// Unconditionally stable: every step ends at a lower value of its function than where its search
-/// began, and without obstacle no step ends with more energy than it began with. One thread calls
-/// it. step() allocates only where it factorises on its own (is_exact).
+/// began, and without obstacle and branches no step ends with more energy than it began with
+/// (branches give back what they hold). One thread calls it. step() allocates only where it
+/// factorises on its own (is_exact).
 class Dynamics {
  public:
   Dynamics(const Body& body, const DynamicsSettings& settings);
@@ -78,14 +80,21 @@ class Dynamics {
 
   [[nodiscard]] const VectorXd& x_m() const noexcept { return x_; }
   [[nodiscard]] const VectorXd& v_m_per_s() const noexcept { return v_; }
+  /// In the last step; zero after set_state().
+  [[nodiscard]] const VectorXd& acceleration_m_per_s2() const noexcept { return acceleration_; }
   /// A new state; fixed nodes stay where the positions say.
+  /// What had not relaxed stays as it is.
   void set_state(const VectorXd& x_m, const VectorXd& v_m_per_s);
+  /// What the branches remember; with a state from earlier, that of then belongs to it.
+  [[nodiscard]] const Relaxation& relaxation() const noexcept { return relaxation_; }
+  void set_relaxation(const Relaxation& relaxation) { relaxation_ = relaxation; }
   [[nodiscard]] bool is_asleep() const noexcept { return is_asleep_; }
   [[nodiscard]] const DynamicsCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] const Body& body() const noexcept { return body_; }
   [[nodiscard]] EquilibriumSearch& search() noexcept { return search_; }
 
  private:
+  void read_springs();
   StepReport single_step(double dt_s, const Obstacle* obstacle);
   void choose_substeps(double h_s);
   SearchReport balance(double h_s, const Obstacle* obstacle);
@@ -95,7 +104,7 @@ class Dynamics {
   void take_factor();
   void work(const std::stop_token& stop);
   [[nodiscard]] double kinetic_joule(const VectorXd& v_m_per_s) const;
-  [[nodiscard]] bool untangle(double energy_joule);
+  [[nodiscard]] bool reset_if_inverted_at_rest(double energy_joule);
   void watch_for_rest(const StepReport& report, double dt_s);
 
   const Body& body_;
@@ -109,6 +118,10 @@ class Dynamics {
   VectorXd inertial_;  // where inertia alone would lead
   VectorXd found_;     // positions where the forces balance
   VectorXd next_;
+  Relaxation relaxation_;
+  VectorXd spring_newton_;  // of the springs alone where the body is, as a gradient
+  VectorXd spring_change_newton_;
+  bool is_spring_known_ = false;
   double energy_joule_ = 0.0;
   bool is_energy_known_ = false;
   bool is_asleep_ = false;

@@ -40,8 +40,16 @@ void EquilibriumSearch::update_rotations(const VectorXd& x_m) {
 
 double EquilibriumSearch::evaluate(const Goal& goal, const VectorXd& x_m) {
   gradient_.setZero();
-  double value = add_gradient(batches_, x_m.data(), goal.step_s, gradient_.data());
+  // the viscous part is not to count more often
+  const double stiffening = 1.0 + goal.stiffening;
+  double value = add_gradient(batches_, x_m.data(), stiffening * goal.step_s, gradient_.data());
   elastic_joule_ = value;
+  if (goal.pull_newton != nullptr) {
+    value *= stiffening;
+    gradient_ *= stiffening;
+    value += goal.pull_newton->dot(x_m);
+    gradient_ += *goal.pull_newton;
+  }
   magnitude_joule_ = std::abs(value);
   double squares = gradient_.squaredNorm();
   if (goal.obstacle != nullptr) {

@@ -19,12 +19,16 @@ struct Goal {
   const double* inertial_m = nullptr;  ///< x̃ = x₀ + h v₀, where inertia alone would lead
   const double* before_m = nullptr;    ///< x₀; needed with damping
   const Obstacle* obstacle = nullptr;
+  /// Of a step, with branches: V counts 1 + this times,
+  double stiffening = 0.0;
+  const VectorXd* pull_newton = nullptr;  ///< and pull·x is added @see Relaxation
 
   [[nodiscard]] Body::Shift shift() const noexcept {
     if (!(step_s > 0.0)) return {};
     return {.per_mass = 1.0 / (step_s * step_s),
             .per_damping = 1.0 / step_s,
-            .per_viscosity = 1.0 / step_s};
+            .per_viscosity = 1.0 / step_s,
+            .stiffening = stiffening};
   }
 };
 
@@ -32,7 +36,7 @@ struct SearchLimits {
   double tolerance_m = 1e-7;  ///< of the estimated remaining correction of any node
   int most_iterations = 100;
   /// An iteration that leaves more than this share of the residual is slow: so many of them are
-  /// borne, then the next asks for a new factor. One costs as much as 5 to 70 iterations.
+  /// tolerated, then the matrix is factorised again. One costs as much as 5 to 70 iterations.
   double slow_ratio = 0.3;
   int slow_iterations = 0;
   double longest_correction_m = 0.1;  ///< of a node in one iteration

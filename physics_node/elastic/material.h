@@ -2,6 +2,7 @@
 // material.h — what an elastic body is made of.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace palpate::elastic {
@@ -16,6 +17,14 @@ enum class Law : std::uint8_t {
   kStVenantKirchhoff,
   /// µ/2 (|F|² − 3) − µ (J − 1) + (λ + µ)/2 (J − 1)²: [Smith18] eq. (13), finite for every F
   kStableNeoHookean,
+};
+
+/// A spring and a dashpot in series (Maxwell), beside the springs of the material.
+inline constexpr std::size_t kMostBranches = 8;  ///< of a body
+
+struct Branch {
+  double share = 0.0;  ///< of the modulus at once, in (0, 1)
+  double tau_s = 0.0;  ///< > 0
 };
 
 struct Material {

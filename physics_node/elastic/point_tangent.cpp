@@ -36,7 +36,7 @@ PointTangent tangent(Law law, const Matrix3d& F, double mu, double pressure, con
   Matrix3d R = Matrix3d::Identity();
   Matrix3d turn = Matrix3d::Zero();  // (tr(S) I − S)⁻¹
   Matrix3d S = Matrix3d::Zero();
-  Matrix3d widening;  // ∂θ/∂F
+  Matrix3d dilatation_gradient;  // ∂θ/∂F
   if (law == Law::kCorotational) {
     R = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
     S = R.transpose() * F;
@@ -44,13 +44,14 @@ PointTangent tangent(Law law, const Matrix3d& F, double mu, double pressure, con
     const Matrix3d H = S.trace() * Matrix3d::Identity() - S;
     // near inversion the rotation may turn at any rate: it is held
     if (H.determinant() > 1e-6 && H.trace() > 0.0) turn = H.inverse();
-    widening = R;
+    dilatation_gradient = R;
   } else if (law == Law::kStVenantKirchhoff) {
     const Matrix3d E = 0.5 * (F.transpose() * F - Matrix3d::Identity());
     S = 2.0 * mu * E + pressure * Matrix3d::Identity();
-    widening = F;
+    dilatation_gradient = F;
   } else {
-    widening << F.col(1).cross(F.col(2)), F.col(2).cross(F.col(0)), F.col(0).cross(F.col(1));
+    dilatation_gradient << F.col(1).cross(F.col(2)), F.col(2).cross(F.col(0)),
+        F.col(0).cross(F.col(1));
   }
 
   PointTangent result;
@@ -68,13 +69,13 @@ PointTangent tangent(Law law, const Matrix3d& F, double mu, double pressure, con
       const Matrix3d C = F.transpose() * D;
       change = D * S + mu * F * (C + C.transpose());
     } else {
-      change = mu * D + mu * widening.cwiseProduct(D).sum() * widening +
+      change = mu * D + mu * dilatation_gradient.cwiseProduct(D).sum() * dilatation_gradient +
                (pressure + mu * (F.determinant() - 2.0)) * cofactor_change(F, D);
     }
     for (int row = 0; row < 9; ++row) {
       result.stiffness(row, column) = change(row / 3, row % 3);
     }
-    result.dilatation[column] = widening(column / 3, column % 3);
+    result.dilatation[column] = dilatation_gradient(column / 3, column % 3);
   }
   return result;
 }

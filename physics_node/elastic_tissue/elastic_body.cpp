@@ -3,8 +3,12 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <variant>
@@ -13,12 +17,14 @@
 #include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic/support.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
+#include "physics_node/elastic_tissue/unloaded.h"
 #include "physics_node/files/surface_files.h"
 #include "physics_node/surfaces/triangle_surface.h"
 
 namespace palpate::physics {
 namespace {
 
+constexpr double kMostScanError_m = 2e-4;
 constexpr double kRestTolerance_m = 1e-7;
 constexpr int kMostPointsPerEdge = 16;
 // Of the surface that a point stands for, over the square of the tip's radius.
@@ -27,6 +33,13 @@ constexpr double kPointArea = 0.09;
 // Of the contact's penalty, in Young's moduli over the radius. With 10 a pressure of several moduli
 // outweighs it as the points slide round the sphere: the body folds, and the sphere falls through.
 constexpr double kContactStiffness = 100.0;
+
+// Modes that move by themselves between two full solutions have a period of at least so many of
+// theirs, and let some node give way by this much of what the material gives way by under the tip:
+// a thick body has none.
+constexpr double kShortestPeriods = 0.5;
+constexpr double kLeastGive = 0.2;
+constexpr Eigen::Index kMostSlowModes = 16;
 
 bool is_within(const RegionGeometry& region, const Vector3& point_m) {
   struct Inside {
@@ -40,17 +53,62 @@ bool is_within(const RegionGeometry& region, const Vector3& point_m) {
     bool operator()(const BoxGeometry& b) const {
       return ((point_m - b.center_m).cwiseAbs().array() <= 0.5 * b.size_m.array()).all();
     }
-    bool operator()(const MeshTag& /*tag*/) const { return false; }  // see is_tagged
+    bool operator()(const MeshTag& /*tag*/) const { return false; }  // see TaggedRegion
   };
   return std::visit(Inside{point_m}, region);
 }
 
-/// Whether an element is in the region of the mesh that is named.
-bool is_tagged(const RegionGeometry& region, const TetrahedralMesh& mesh, std::size_t element) {
-  const auto* tag = std::get_if<MeshTag>(&region);
-  return tag != nullptr && !mesh.regions.empty() &&
-         mesh.region_names[mesh.regions[element]] == tag->name;
-}
+/// A region of the mesh that is named, and what is near it. Another kind of region is empty.
+class TaggedRegion {
+ public:
+  /// @param mesh  in W, the elements of `read` in their order
+  TaggedRegion(const RegionGeometry& region, const TetrahedralMesh& read, const elastic::Mesh& mesh)
+      : is_tagged_(mesh.element_count(), false) {
+    const auto* tag = std::get_if<MeshTag>(&region);
+    if (tag == nullptr || read.regions.empty()) return;
+    within_m_ = tag->within_m;
+    for (std::size_t e = 0; e < mesh.element_count(); ++e) {
+      is_tagged_[e] = read.region_names[read.regions[e]] == tag->name;
+      if (!is_tagged_[e] || within_m_ == 0.0) continue;
+      for (const std::uint32_t node : mesh.element(e)) {
+        std::vector<Vector3>& nodes_m = nodes_in_[cell_of(mesh.nodes_m[node])];
+        const Vector3 node_m = mesh.nodes_m[node];
+        if (std::find(nodes_m.begin(), nodes_m.end(), node_m) == nodes_m.end()) {
+          nodes_m.push_back(node_m);
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] bool has_element(std::size_t element) const { return is_tagged_[element]; }
+  [[nodiscard]] bool is_near(const Vector3& point_m) const {
+    if (nodes_in_.empty()) return false;
+    const Cell center = cell_of(point_m);
+    for (int i = 0; i < 27; ++i) {
+      const auto nodes =
+          nodes_in_.find({center[0] + i % 3 - 1, center[1] + i / 3 % 3 - 1, center[2] + i / 9 - 1});
+      if (nodes == nodes_in_.end()) continue;
+      for (const Vector3& node_m : nodes->second) {
+        if ((node_m - point_m).squaredNorm() <= within_m_ * within_m_) return true;
+      }
+    }
+    return false;
+  }
+
+ private:
+  using Cell = std::array<std::int64_t, 3>;  // of within_m
+  [[nodiscard]] Cell cell_of(const Vector3& point_m) const {
+    Cell cell{};
+    for (int i = 0; i < 3; ++i) {
+      cell[static_cast<std::size_t>(i)] = std::llround(std::floor(point_m[i] / within_m_));
+    }
+    return cell;
+  }
+
+  std::vector<bool> is_tagged_;
+  double within_m_ = 0.0;
+  std::map<Cell, std::vector<Vector3>> nodes_in_;
+};
 
 /// Throws SetupError if a tag is not in the mesh.
 void check_tag(const RegionGeometry& region, const TetrahedralMesh& mesh, const std::string& name) {
@@ -92,19 +150,22 @@ elastic::Mesh mesh_of(const TetrahedralMesh& read, const FileGeometry& geometry,
   for (const Vector3& node_m : read.nodes_m) {
     mesh.nodes_m.emplace_back(geometry.position_m + geometry.rotation * node_m);
   }
-  for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
-    const auto& corners = read.tetrahedra[e];
+  for (const auto& corners : read.tetrahedra) {
     mesh.elements.insert(mesh.elements.end(), corners.begin(), corners.end());
-    Vector3 centroid_m = Vector3::Zero();
-    for (const std::uint32_t corner : corners) centroid_m += 0.25 * mesh.nodes_m[corner];
-    std::uint8_t region = 0;
-    for (std::size_t i = 0; i < material.parts.size(); ++i) {
-      const RegionGeometry& where = material.parts[i].where;
-      if (is_within(where, centroid_m) || is_tagged(where, read, e)) {
-        region = static_cast<std::uint8_t>(i + 1);
+  }
+  mesh.regions.resize(read.tetrahedra.size(), 0);
+  for (std::size_t i = 0; i < material.parts.size(); ++i) {
+    const RegionGeometry& where = material.parts[i].where;
+    const TaggedRegion tagged(where, read, mesh);
+    for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
+      Vector3 centroid_m = Vector3::Zero();
+      for (const std::uint32_t corner : read.tetrahedra[e]) {
+        centroid_m += 0.25 * mesh.nodes_m[corner];
+      }
+      if (is_within(where, centroid_m) || tagged.has_element(e) || tagged.is_near(centroid_m)) {
+        mesh.regions[e] = static_cast<std::uint8_t>(i + 1);
       }
     }
-    mesh.regions.push_back(region);
   }
   return material.is_linear ? mesh : elastic::quadratic(mesh);
 }
@@ -172,6 +233,23 @@ void add_parts(const elastic::Mesh& mesh, std::size_t parts, ElasticBody& body) 
   }
 }
 
+/// Of a body that has the shape of the mesh under this gravity. @throws SetupError  it has none
+elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vector3& gravity,
+                                      const std::string& name) {
+  loaded.gravity_m_per_s2 = gravity;
+  try {
+    elastic::UnloadedShape found = elastic::find_unloaded_shape(loaded);
+    if (found.is_converged) return found;
+  } catch (const std::invalid_argument& error) {
+    throw SetupError(name + error.what());
+  }
+  throw SetupError(
+      name + kNoUnloadedShape +
+      "; is young_pa in Pa, the mesh in metres (unit_m)? Hold more of it (fixed), give "
+      "a stiffer material, or leave out scan_gravity_m_per_s2, which takes the mesh as free of "
+      "load");
+}
+
 }  // namespace
 
 double hertz_slope_newton_per_m(const elastic::Material& material, double tip_radius_m) {
@@ -195,19 +273,24 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
       .law = law_of(material.law),
       .fixed_nodes = {},
       .gravity_m_per_s2 = material.gravity_m_per_s2};
+  for (const ElasticMaterial::Branch& branch : material.branches) {
+    description.branches.push_back({.share = branch.share, .tau_s = branch.tau_s});
+  }
   for (const ElasticMaterial::Part& part : material.parts) {
     description.materials.push_back(
         material_of(material, part.young_pa, part.poisson_ratio, part.density_kg_per_m3));
   }
   std::vector<bool> is_fixed(description.mesh.nodes_m.size(), false);
   for (const RegionGeometry& region : material.fixed) {
-    for (const std::uint32_t node : elastic::nodes_where(
-             description.mesh,
-             [&](const elastic::Vector3d& node_m) { return is_within(region, node_m); })) {
+    const TaggedRegion tagged(region, read, description.mesh);
+    for (const std::uint32_t node :
+         elastic::nodes_where(description.mesh, [&](const elastic::Vector3d& node_m) {
+           return is_within(region, node_m) || tagged.is_near(node_m);
+         })) {
       is_fixed[node] = true;
     }
     for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
-      if (!is_tagged(region, read, e)) continue;
+      if (!tagged.has_element(e)) continue;
       for (const std::uint32_t node : description.mesh.element(e)) is_fixed[node] = true;
     }
   }
@@ -233,6 +316,12 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                      "; coarsen the mesh");
   }
 
+  std::optional<elastic::UnloadedShape> unloaded;
+  if (!material.scan_gravity_m_per_s2.isZero(0.0)) {
+    unloaded = unloaded_shape(description, material.scan_gravity_m_per_s2, name);
+    description.mesh = unloaded->mesh;
+  }
+
   auto made = std::make_shared<ElasticBody>(ElasticBody{
       .tissue = index, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});
   made->faces = elastic::surface_of(description.mesh);
@@ -256,7 +345,11 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   }
 
   made->start_m = made->body->rest_m();
-  if (!material.gravity_m_per_s2.isZero(0.0)) {
+  if (unloaded) {
+    made->start_m = unloaded->loaded_m;
+    made->scan_error_m = unloaded->away_m;
+  }
+  if (!material.gravity_m_per_s2.isZero(0.0) || unloaded) {
     elastic::EquilibriumSearch search(*made->body);
     elastic::WarpedFactor factor(*made->body, elastic::Precision::kDouble);
     const elastic::SearchReport report = elastic::find_rest(
@@ -272,6 +365,12 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
       made->sag_m = std::max(
           made->sag_m, (made->start_m.segment<3>(i) - made->body->rest_m().segment<3>(i)).norm());
     }
+  }
+  if (material.branches.empty()) {  // which the modes do not know
+    elastic::WarpedFactor at_rest(*made->body, elastic::Precision::kDouble);
+    made->slow_modes =
+        elastic::slow_modes_of(*made->body, at_rest, kShortestPeriods / made->solve_rate_hz,
+                               kLeastGive / (material.young_pa * tip_radius_m), kMostSlowModes);
   }
   TriangleMesh surface;
   std::vector<std::uint32_t> vertex_of(made->body->node_count(), 0);
@@ -327,6 +426,15 @@ std::string mesh_report(const ElasticBody& body) {
       quality.least_quality, quality.slivers, 1e3 * quality.shortest_edge_m,
       1e3 * quality.longest_edge_m, body.points.size(), 1e3 * body.sag_m);
   std::string report = text;
+  if (body.scan_error_m >= 0.0) {
+    char more[100];  // NOLINT: for snprintf
+    std::snprintf(more, sizeof more, "; has the shape of the scan within %.2g mm under its gravity",
+                  1e3 * body.scan_error_m);
+    report += more;
+    if (body.scan_error_m > kMostScanError_m) {
+      report += "; WARNING: more than 0.2 mm, because long edges bend: make the mesh finer";
+    }
+  }
   if (quality.is_scale_doubtful()) {
     report += "; WARNING: extends over " + std::to_string(quality.extent_m) +
               " m, which no organ does: check unit_m";

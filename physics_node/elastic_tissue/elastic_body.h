@@ -12,6 +12,7 @@
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
 #include "physics_node/elastic/body.h"
+#include "physics_node/elastic/condensed/slow_modes.h"
 #include "physics_node/elastic/sphere_contact.h"
 #include "physics_node/surfaces/shape.h"
 
@@ -19,6 +20,11 @@ namespace palpate::physics {
 
 /// More tetrahedra than these are refused.
 inline constexpr std::size_t kMostElasticElements = 200'000;
+
+/// In the SetupError of a body whose shape without load is not found.
+inline constexpr const char* kNoUnloadedShape =
+    "no shape without load is found from which it sags into that of the scan: it is too soft for "
+    "its weight, or held in too few places";
 
 /// The surface of a part of a body: drawn inside it.
 struct BodyPart {
@@ -42,6 +48,8 @@ struct ElasticBody {
   std::vector<std::uint32_t> shown_nodes = {};  ///< of the surface, then of each part's
   elastic::VectorXd start_m = {};               ///< at rest under gravity, untouched
   double sag_m = 0.0;                           ///< largest displacement under gravity
+  /// Of the shape under the scan's gravity from that of the mesh; < 0: the mesh is without load
+  double scan_error_m = -1.0;
   double contact_stiffness_pa_per_m = 0.0;
   double tip_radius_m = 0.0;
   double hertz_newton = 0.0;  ///< of the tip 1 mm deep in much of the material [Hertz]
@@ -49,7 +57,8 @@ struct ElasticBody {
   /// Of a tip stuck to a half-space of much of the material, 1 mm deep: 8 a G/(2 − ν) [Mindlin49].
   double shear_newton_per_m = 0.0;
   double solve_rate_hz = 50.0;
-  double viscosity_s = 0.0;  ///< Rayleigh's β
+  double viscosity_s = 0.0;            ///< Rayleigh's β
+  elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 };
 
 /// The faces as triangles between nodes of the mesh; quadratic ones as four.

@@ -91,7 +91,8 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
       dynamics_(*body.body, settings()),
       touches_(tools),
       last_tips_(tools),
-      triangles_(triangles_of(body)) {
+      triangles_(triangles_of(body)),
+      before_relaxed_(dynamics_.relaxation()) {
   for (std::size_t i = 0; i < tools; ++i) {
     tips_.contacts.emplace_back(body.points, body.contact_stiffness_pa_per_m);
     tips_.is_near.push_back(0);
@@ -230,12 +231,16 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
     return false;
   }
   before_m_ = dynamics_.x_m();
+  before_relaxed_ = dynamics_.relaxation();
   if (must_settle ? settle() : step_once()) {
     failed_in_a_row_ = 0;
     return true;
   }
   ++failed_steps_;
   repair(tips, touches_before, contacts_before);
+  const bool is_repaired = std::none_of(touches_.begin(), touches_.end(),
+                                        [](const Touch& touch) { return touch.has_failed; });
+  repaired_steps_ += is_repaired ? 1U : 0U;
   return true;
 }
 
@@ -255,7 +260,7 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
   tips_.rubbed_newton.clear();
   if (can_wait) {
     ++failed_in_a_row_;
-    set_body(before_m_);
+    set_body(before_m_, before_relaxed_);
     tips_.contacts = contacts_before;
     for (const std::size_t i : there) {
       Touch& touch = touches_[i];
@@ -267,7 +272,7 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
     }
     if (!step_once()) {
       // as it was, with the forces of then
-      set_body(before_m_);
+      set_body(before_m_, before_relaxed_);
       tips_.contacts = contacts_before;
       for (const std::size_t i : there) {
         touches_[i].has_failed = false;
@@ -285,11 +290,12 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
 /// The body from its untouched state, the spheres from their proxies, as far as that goes right.
 void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tips,
                                     const std::vector<std::size_t>& there) {
-  set_body(body_.start_m);
+  set_body(body_.start_m, relaxed());
   for (const std::size_t i : there) touches_[i].is_near = false;
   bool are_there = false;
   for (int step = 0; step < kMostRepairSteps && !are_there; ++step) {
     before_m_ = dynamics_.x_m();
+    before_relaxed_ = dynamics_.relaxation();
     const std::vector<Touch> touches_before = touches_;
     const std::vector<elastic::SphereContact> contacts_before = tips_.contacts;
     are_there = true;
@@ -299,7 +305,7 @@ void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tip
       tips_.is_near[i] = tips_.contacts[i].near_count() > 0 ? 1 : 0;
     }
     if (step_once()) continue;
-    set_body(before_m_);
+    set_body(before_m_, before_relaxed_);
     tips_.contacts = contacts_before;
     touches_ = touches_before;
     for (const std::size_t i : there) {
@@ -311,7 +317,14 @@ void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tip
   }
 }
 
-void ElasticSimulation::set_body(const elastic::VectorXd& x_m) {
+/// A body at rest, in which nothing is left to relax.
+elastic::Relaxation ElasticSimulation::relaxed() const {
+  return {body_.body->description().branches, body_.body->rest_m().size()};
+}
+
+void ElasticSimulation::set_body(const elastic::VectorXd& x_m,
+                                 const elastic::Relaxation& relaxation) {
+  dynamics_.set_relaxation(relaxation);
   dynamics_.set_state(x_m, elastic::VectorXd::Zero(x_m.size()));
   dynamics_.search().update_rotations(x_m);
 }
@@ -322,7 +335,7 @@ bool ElasticSimulation::settle() {
       std::exchange(this_step_s_, std::max(kLeastSettling_s, kSettlingPeriods * step_s_));
   const bool is_right = step_once();
   this_step_s_ = step_s;
-  if (is_right) set_body(elastic::VectorXd(dynamics_.x_m()));
+  if (is_right) set_body(elastic::VectorXd(dynamics_.x_m()), dynamics_.relaxation());
   return is_right;
 }
 

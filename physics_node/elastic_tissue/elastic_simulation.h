@@ -60,12 +60,20 @@ class ElasticSimulation {
   [[nodiscard]] const elastic::VectorXd& v_m_per_s() const noexcept {
     return dynamics_.v_m_per_s();
   }
+  [[nodiscard]] const elastic::Relaxation& relaxation() const noexcept {
+    return dynamics_.relaxation();
+  }
+  [[nodiscard]] const elastic::VectorXd& acceleration_m_per_s2() const noexcept {
+    return dynamics_.acceleration_m_per_s2();
+  }
   [[nodiscard]] elastic::EquilibriumSearch& search() noexcept { return dynamics_.search(); }
   [[nodiscard]] const elastic::StepReport& report() const noexcept { return report_; }
   [[nodiscard]] const ElasticBody& body() const noexcept { return body_; }
   [[nodiscard]] double step_s() const noexcept { return step_s_; }  ///< of the constructor
   /// Steps that failed, since construction.
   [[nodiscard]] std::uint64_t failed_steps() const noexcept { return failed_steps_; }
+  /// Of these, those after which the body holds every sphere on the right side.
+  [[nodiscard]] std::uint64_t repaired_steps() const noexcept { return repaired_steps_; }
 
   /// Tips that appeared inside the body, since construction.
   [[nodiscard]] std::uint64_t appeared() const noexcept { return appeared_; }
@@ -103,7 +111,8 @@ class ElasticSimulation {
               const std::vector<elastic::SphereContact>& contacts_before);
   void begin_again(std::span<const std::optional<TipState>> tips,
                    const std::vector<std::size_t>& there);
-  void set_body(const elastic::VectorXd& x_m);
+  [[nodiscard]] elastic::Relaxation relaxed() const;
+  void set_body(const elastic::VectorXd& x_m, const elastic::Relaxation& relaxation);
   [[nodiscard]] bool is_inside(const Vector3& place_m) const;
 
   const ElasticBody& body_;
@@ -116,9 +125,11 @@ class ElasticSimulation {
   std::vector<std::optional<TipState>> last_tips_;  // of the last step
   std::vector<std::optional<TipState>> part_tips_;
   std::vector<std::array<std::uint32_t, 3>> triangles_;
-  elastic::VectorXd before_m_;  // the last step
+  elastic::VectorXd before_m_;          // the last step
+  elastic::Relaxation before_relaxed_;  // and what the body remembered then
   elastic::StepReport report_;
   std::uint64_t failed_steps_ = 0;
+  std::uint64_t repaired_steps_ = 0;
   std::uint64_t appeared_ = 0;
   int failed_in_a_row_ = 0;
 };

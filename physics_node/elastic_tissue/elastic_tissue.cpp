@@ -57,7 +57,8 @@ ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_
     : body_(std::move(body)),
       tip_radius_m_(tip_radius_m),
       simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz),
-      factor_(*body_->body, elastic::Precision::kFloat),
+      factor_(*body_->body, body_->slow_modes.count() > 0 ? elastic::Precision::kDouble
+                                                          : elastic::Precision::kFloat),
       compliance_(*body_->body, factor_, body_->surface_nodes),
       tips_(tools) {
   for (std::size_t i = 0; i < tools; ++i) {
@@ -173,7 +174,7 @@ Vector3 ElasticTissue::press(Tool& own, Prepared& prepared) const noexcept {
   if (!is_new || here_s == from_s) go(own.time_s, steps);
   own.stepped_m = own.tip_m;
   own.stepped_s = own.time_s;
-  return force + prepared.other_newton;
+  return force + prepared.force_outside_patch_newton;
 }
 
 /// The contact of a tip there is within the points of the condensed model.
@@ -200,10 +201,12 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
   Prepared* const prepared = own.prepared.newest();
   const SurfaceView& view = own.side.view();
   const double penetration_m =
-      tip_radius_m_ - view.distance_m + (prepared != nullptr ? prepared->raised_m : 0.0);
+      tip_radius_m_ - view.distance_m +
+      (prepared != nullptr ? prepared->surface_offset_by_other_tools_m : 0.0);
   if (!(penetration_m > -own.reach_m)) return false;
 
   own.normal = view.normal;
+  own.bound_newton = kUnknownNewton;
   double depth_m = penetration_m;  // of the law
   if (prepared == nullptr || !is_among(*prepared, tip_m, view.normal)) {
     // nothing is known of this place but its material
@@ -213,6 +216,8 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
     // in doubt there is no force
     own.stiffness_newton_per_m = 0.0;
     if (force.allFinite()) {
+      own.bound_newton = prepared->error_newton +
+                         prepared->error_newton_per_m * (tip_m - prepared->centre_m).norm();
       own.normal = contact_normal(force, view.normal);
       const double newton = std::max(0.0, force.dot(own.normal));
       if (penetration_m < kLeastDepth_m) {
@@ -222,7 +227,7 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
         const Vector3 probed =
             prepared->probe->step(deeper_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
                 .force_on_sphere_newton +
-            prepared->other_newton;
+            prepared->force_outside_patch_newton;
         const double probed_newton = probed.allFinite() ? probed.norm() : 0.0;
         own.stiffness_newton_per_m =
             elastic_stiffness(std::max(newton, probed_newton), kLeastDepth_m);
@@ -232,10 +237,6 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
         own.stiffness_newton_per_m = elastic_stiffness(newton, penetration_m);
       }
     }
-  }
-  if (prepared != nullptr) {
-    own.bound_newton =
-        prepared->error_newton + prepared->error_newton_per_m * (tip_m - prepared->centre_m).norm();
   }
   contact = elastic_contact(body_->tissue, view, depth_m, own.normal, own.stiffness_newton_per_m,
                             tip_radius_m_);
@@ -301,6 +302,8 @@ void ElasticTissue::solve(double step_s) {
     ++figures_.skipped;
   }
   figures_.failed = simulation_.failed_steps() + without_compliance_;
+  figures_.repaired = simulation_.repaired_steps();
+  figures_.appeared = simulation_.appeared();
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     // an untouched body at rest is prepared once; what has failed, never
     if (!simulation_.touch(i).is_near) continue;
@@ -317,18 +320,28 @@ void ElasticTissue::solve(double step_s) {
   show();
 }
 
-/// Compares the full solution with what the model prepared before it says for the same place.
+/// Compares the full solution with what the model prepared before it says for the same place, and
+/// with the bound of its error there.
 void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s) {
   const double newton = touch.force_on_tool_newton.norm();
   const double way_m = (touch.centre_m - tool.last_centre_m).norm();
+  if (!touch.is_near) {
+    tool.error_newton = kUnknownNewton;
+    tool.error_newton_per_m = 0.0;
+  }
   if (!touch.is_near || !tool.last || !(newton > 0.0) || way_m > tip_radius_m_) return;
   const Vector3 expected =
       tool.last->step(touch.centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m, step_s)
           .force_on_sphere_newton +
-      tool.last_other_newton;
+      tool.last_force_outside_patch_newton;
   const double error_newton = (expected - touch.force_on_tool_newton).norm();
   figures_.error_newton = error_newton;
-  tool.error_newton = std::max(error_newton, kErrorMemory * tool.error_newton);
+  const double bound_newton = tool.error_newton + tool.error_newton_per_m * way_m;
+  if (!std::isnan(bound_newton)) {
+    ++figures_.bounds_checked;
+    figures_.bound_violations += error_newton > bound_newton ? 1U : 0U;
+  }
+  tool.error_newton = std::fmax(error_newton, kErrorMemory * tool.error_newton);
   tool.error_newton_per_m *= kErrorMemory;
   if (way_m > kShortWay_m) {
     tool.error_newton_per_m = std::max(tool.error_newton_per_m, error_newton / way_m);
@@ -343,7 +356,10 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.patch_m = touch.centre_m + kAhead * step_s * tool.velocity_m_per_s;
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
                          draft.patch_m, kMostPoints);
-  draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s);
+  draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_.v_m_per_s(),
+                       simulation_.acceleration_m_per_s2());
+  draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s,
+                       &simulation_.relaxation());
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
     add_equilibria(tool, touch, *draft.contact);
   }
@@ -351,11 +367,13 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   tool.last_forces_newton = touch.forces_on_body_newton;
   tool.last_m = simulation_.x_m();
   tool.last_m_per_s = simulation_.v_m_per_s();
-  draft.raised_m = raised_m(index, draft.contact->chosen().front(), tool.slow_normal);
-  draft.other_newton = touch.force_on_tool_newton;
+  tool.last_creep_m = simulation_.relaxation().creep_m();
+  draft.surface_offset_by_other_tools_m =
+      surface_offset_by_other_tools_m(index, draft.contact->chosen().front(), tool.slow_normal);
+  draft.force_outside_patch_newton = touch.force_on_tool_newton;
   for (const std::size_t point : draft.contact->chosen()) {
     if (!touch.forces_on_body_newton.empty()) {
-      draft.other_newton += touch.forces_on_body_newton[point];
+      draft.force_outside_patch_newton += touch.forces_on_body_newton[point];
     }
   }
   draft.centre_m = touch.centre_m;
@@ -364,7 +382,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.error_newton = tool.error_newton;
   draft.probe.emplace(*draft.contact);
   tool.last.emplace(*draft.contact);
-  tool.last_other_newton = draft.other_newton;
+  tool.last_force_outside_patch_newton = draft.force_outside_patch_newton;
   tool.last_centre_m = touch.centre_m;
   tool.is_prepared = true;
 }
@@ -380,7 +398,7 @@ void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& t
     return tool.last_newton > 0.0 && std::abs(newton - tool.last_newton) > kOtherForce * newton &&
            std::abs(way.dot(tool.slow_normal)) > kAlongNormal * way.norm() &&
            contact.add_equilibrium(body_->points, tool.last_m, tool.last_forces_newton,
-                                   &tool.last_m_per_s);
+                                   &tool.last_m_per_s, &tool.last_creep_m);
   };
   if (is_hasty(tool) && add_last()) return;
   contact.add_equilibrium(body_->points, body_->start_m, {});
@@ -406,7 +424,7 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
            static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
            kHeldPeriods,
        .gap_m = tool.slow_distance_m},
-      touch, simulation_.x_m(), is_alone(index));
+      touch, simulation_.x_m(), simulation_.v_m_per_s(), is_alone(index));
   tool.patch_tip_m = tip_m;
   tool.patch.draft() = tool.maker->patch();
   tool.is_patched = true;
@@ -420,7 +438,8 @@ bool ElasticTissue::is_alone(std::size_t tool) const {
 }
 
 /// How far the forces of the other tools raise a point along the normal.
-double ElasticTissue::raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal) {
+double ElasticTissue::surface_offset_by_other_tools_m(std::size_t tool, std::size_t nearest_point,
+                                                      const Vector3& normal) {
   const elastic::SurfacePoint& at = body_->points[nearest_point];
   double raised = 0.0;
   for (std::size_t other = 0; other < tools_.size(); ++other) {

@@ -11,6 +11,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -26,14 +27,20 @@
 
 namespace palpate::physics {
 
+inline constexpr double kUnknownNewton = std::numeric_limits<double>::quiet_NaN();
+
 /// What the slow thread knows; @see PhysicsCounters.
 struct ElasticFigures {
   std::uint64_t solves = 0;
   std::uint64_t skipped = 0;
   std::uint64_t late = 0;
   std::uint64_t failed = 0;
+  std::uint64_t repaired = 0;
+  std::uint64_t appeared = 0;
+  std::uint64_t bounds_checked = 0;
+  std::uint64_t bound_violations = 0;
   double residual_ratio = 0.0;
-  double error_newton = 0.0;
+  double error_newton = kUnknownNewton;
 };
 
 class ElasticTissue {
@@ -61,7 +68,9 @@ class ElasticTissue {
   [[nodiscard]] const ElasticPatch* patch(std::size_t tool) noexcept {
     return tools_[tool]->patch.newest();
   }
-  /// Stated bound of the error of the last contact's force, from the errors measured so far [N].
+  /// Stated bound of the error of the last contact's force, from the errors measured since the tip
+  /// came near [N]. NaN: unknown. No error has been measured, or nothing is known of the place but
+  /// its material.
   [[nodiscard]] double bound_newton(std::size_t tool) const noexcept {
     return tools_[tool]->bound_newton;
   }
@@ -136,10 +145,12 @@ class ElasticTissue {
     Vector3 centre_m = Vector3::Zero();              // of the sphere in the full solution
     Vector3 patch_m = Vector3::Zero();               // the points are the nearest to this place
     double time_s = 0.0;                             // of the tip there
-    Vector3 other_newton = Vector3::Zero();  // on the tool, from points that are not among these
-    double raised_m = 0.0;                   // of the surface by other tools, along its normal
-    double error_newton_per_m = 0.0;         // of the force, by the way from that centre
-    double error_newton = 0.0;               // at that centre
+    Vector3 force_outside_patch_newton =
+        Vector3::Zero();  // on the tool, from points that are not among these
+    double surface_offset_by_other_tools_m =
+        0.0;                               // of the surface by other tools, along its normal
+    double error_newton_per_m = 0.0;       // of the force, by the way from that centre
+    double error_newton = kUnknownNewton;  // at that centre
   };
   struct Tool {
     Snapshot<Tip> tip;
@@ -163,7 +174,7 @@ class ElasticTissue {
     TipSide side{};
     double stiffness_newton_per_m = 0.0;
     Vector3 normal = Vector3::UnitZ();
-    double bound_newton = 0.0;
+    double bound_newton = kUnknownNewton;
     Rubbing rubbing{};
     // of the slow thread
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
@@ -172,6 +183,7 @@ class ElasticTissue {
     Vector3 velocity_m_per_s = Vector3::Zero();  // of the tip between the last two solutions
     elastic::VectorXd last_m;                    // the last solution
     elastic::VectorXd last_m_per_s;
+    elastic::VectorXd last_creep_m;
     std::vector<elastic::Vector3d> last_forces_newton;  // on the body
     double last_newton = 0.0;
     bool is_prepared = false;      // a draft waits to be published
@@ -181,9 +193,9 @@ class ElasticTissue {
     bool is_patched = false;                       // a draft waits to be published
     std::optional<elastic::CondensedContact> last;
     Vector3 last_centre_m = Vector3::Zero();
-    Vector3 last_other_newton = Vector3::Zero();
+    Vector3 last_force_outside_patch_newton = Vector3::Zero();
     double error_newton_per_m = 0.0;
-    double error_newton = 0.0;
+    double error_newton = kUnknownNewton;
   };
 
   [[nodiscard]] bool is_among(const Prepared& prepared, const Vector3& tip_m,
@@ -198,7 +210,8 @@ class ElasticTissue {
   void prepare(std::size_t tool, double step_s);
   void describe_patch(std::size_t tool, bool has_stepped);
   [[nodiscard]] bool is_alone(std::size_t tool) const;
-  [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal);
+  [[nodiscard]] double surface_offset_by_other_tools_m(std::size_t tool, std::size_t nearest_point,
+                                                       const Vector3& normal);
   void show();
 
   std::shared_ptr<const ElasticBody> body_;

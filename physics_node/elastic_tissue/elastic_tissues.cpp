@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <limits>
 #include <mutex>
@@ -75,6 +76,7 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
   for (auto& tissue : tissues_) tissue->note(tool, tip_m, reach_m, time_s);
   if (pace_ == ElasticPace::kVirtual) solve_until(time_s);
   Counts& counts = counts_[tool];
+  bool is_in_contact = false;
   double bound_newton = 0.0;
   for (auto& tissue : tissues_) {
     Contact contact;
@@ -83,9 +85,14 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
       continue;
     }
     add_contact(contact, sum);
-    if (contact.penetration_m > 0.0) bound_newton += tissue->bound_newton(tool);
+    if (!(contact.penetration_m > 0.0)) continue;
+    is_in_contact = true;
+    bound_newton += tissue->bound_newton(tool);
   }
-  if (bound_newton > 0.0) counts.bound_newton = bound_newton;
+  if (!is_in_contact) return;
+  counts.bound_newton = bound_newton;
+  ++counts.in_contact;
+  counts.without_bound += std::isnan(bound_newton) ? 1U : 0U;
 }
 
 void ElasticTissues::solve_until(double time_s) {
@@ -106,23 +113,32 @@ void ElasticTissues::solve_until(double time_s) {
 
 void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
   counters.elastic_solves = counters.elastic_solves_skipped = counters.elastic_solves_late = 0;
-  counters.elastic_solves_failed = 0;
-  counters.elastic_residual_ratio = counters.elastic_error_newton = 0.0;
+  counters.elastic_solves_failed = counters.elastic_solves_repaired = 0;
+  counters.elastic_bounds_checked = counters.elastic_bound_violations = 0;
+  counters.elastic_tips_appeared = 0;
+  counters.elastic_residual_ratio = 0.0;
+  counters.elastic_error_newton = kUnknownNewton;
   for (const auto& tissue : tissues_) {
     const ElasticFigures figures = tissue->figures();
     counters.elastic_solves += figures.solves;
     counters.elastic_solves_skipped += figures.skipped;
     counters.elastic_solves_late += figures.late;
     counters.elastic_solves_failed += figures.failed;
+    counters.elastic_solves_repaired += figures.repaired;
+    counters.elastic_tips_appeared += figures.appeared;
+    counters.elastic_bounds_checked += figures.bounds_checked;
+    counters.elastic_bound_violations += figures.bound_violations;
     counters.elastic_residual_ratio =
         std::max(counters.elastic_residual_ratio, figures.residual_ratio);
-    counters.elastic_error_newton = std::max(counters.elastic_error_newton, figures.error_newton);
+    counters.elastic_error_newton = std::fmax(counters.elastic_error_newton, figures.error_newton);
   }
 }
 
 void ElasticTissues::count_tool_into(std::size_t tool, PhysicsCounters& counters) const noexcept {
   counters.elastic_steps_skipped = counts_[tool].skipped;
   counters.elastic_bound_newton = counts_[tool].bound_newton;
+  counters.elastic_contact_steps = counts_[tool].in_contact;
+  counters.elastic_unknown_bound_steps = counts_[tool].without_bound;
 }
 
 }  // namespace palpate::physics

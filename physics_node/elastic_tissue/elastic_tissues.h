@@ -51,7 +51,7 @@ class ElasticTissues {
     for (auto& tissue : tissues_) tissue->describe_ahead(tool, velocity_m_per_s, age_s);
   }
 
-  /// All but the steps skipped and the bound, which are the tool's. Any thread.
+  /// All but the steps and the bound at the last one, which are the tool's. Any thread.
   void count_into(PhysicsCounters& counters) const noexcept;
   /// Of one tool, on its thread.
   void count_tool_into(std::size_t tool, PhysicsCounters& counters) const noexcept;
@@ -63,7 +63,9 @@ class ElasticTissues {
  private:
   struct Counts {
     std::uint64_t skipped = 0;
-    double bound_newton = 0.0;
+    std::uint64_t in_contact = 0;
+    std::uint64_t without_bound = 0;
+    double bound_newton = kUnknownNewton;
   };
   void solve_until(double time_s);
 

@@ -20,6 +20,8 @@ constexpr double kKeepShare = 0.85;
 constexpr int kMostColumns = 24;
 // So much more than rounding takes off the diagonal.
 constexpr int kRounding = 2;
+// The way of a viscous point that is still to go.
+constexpr double kFarthestRest_m = 0.5;
 constexpr double kMostRatio = 2.0;  // of the compliance, as in CondensedContact
 
 using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
@@ -37,6 +39,7 @@ PatchMaker::PatchMaker(const ElasticBody& body, elastic::SurfaceCompliance& comp
   patch_.state.tissue = body.tissue;
   patch_.state.tip_radius_m = tip_radius_m;
   patch_.state.friction_coefficient = body.friction_coefficient;
+  patch_.state.relaxation_s = std::min(body.viscosity_s, kMaxElasticRelaxationS);
   patch_.state.friction_stiffness_newton_per_m = body.shear_newton_per_m;
 }
 
@@ -145,7 +148,8 @@ void PatchMaker::assign(std::uint32_t slot, std::uint32_t index) {
 }
 
 void PatchMaker::update(const Tip& tip, const ElasticSimulation::Touch& touch,
-                        const elastic::VectorXd& x_m, bool is_alone) {
+                        const elastic::VectorXd& x_m, const elastic::VectorXd& v_m_per_s,
+                        bool is_alone) {
   ElasticState& state = patch_.state;
   state.normal = tip.normal.normalized();
   // the end of the way ahead, from the feet of the tip
@@ -205,75 +209,96 @@ void PatchMaker::update(const Tip& tip, const ElasticSimulation::Touch& touch,
     is_wanted.set(slot);
     assign(slot, point);
   }
-  describe(touch, x_m, is_alone);
+  describe(touch, x_m, v_m_per_s, is_alone);
 }
 
-/// The state at the points, and what the others press.
-void PatchMaker::describe(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m,
-                          bool is_alone) {
-  ElasticState& state = patch_.state;
-  ++state.number;
-  state.center_m = touch.centre_m;
-  state.other_newton = touch.force_on_tool_newton;
-  state.places.fill({});
-  const bool has_forces = !touch.forces_on_body_newton.empty();
-  std::array<Vector3, kElasticSlots> away;
-  std::array<Vector3, kElasticSlots> forces;
-  double farthest_m = 1e-9;
-  double largest_newton = 1e-12;
-  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
-    if (!point_in_[slot]) continue;
-    const Vector3 at_m = body_.points[*point_in_[slot]].position_m(x_m.data());
-    patch_.slots[slot].distance_m =
-        elastic_distance_m(state.normal, state.from_m, state.to_m, at_m);
-    away[slot] = at_m - state.from_m;
-    forces[slot] =
-        has_forces ? touch.forces_on_body_newton[*point_in_[slot]] : Vector3(Vector3::Zero());
-    if (!forces[slot].isZero(0.0)) {
-      patch_.slots[slot].distance_m = -1.0;
-      pressed_at_[slot] = state.number;
-    }
-    state.other_newton += forces[slot];
-    farthest_m = std::max(farthest_m, away[slot].cwiseAbs().maxCoeff());
-    largest_newton = std::max(largest_newton, forces[slot].cwiseAbs().maxCoeff());
-  }
-  if (state.other_newton.norm() < 1e-9) state.other_newton.setZero();
-  // rounding up, so that no integer exceeds the scale
-  constexpr double kUp = 1.000001;
-  state.away_step_m = static_cast<float>(farthest_m * kUp);
-  state.force_step_newton =
-      static_cast<float>(std::min(largest_newton * kUp, kMaxTissueForceNewton));
-  Eigen::VectorXd force = Eigen::VectorXd::Zero(3 * Eigen::Index{kElasticSlots});
+/// The compliance between the untouched body and a state of it, so that it does the work of the
+/// elastic part of the forces there, as a multiple of that at rest; 0: it is none.
+/// @see CondensedContact::scale_compliance
+double PatchMaker::ratio_of(const std::array<Vector3, kElasticSlots>& forces,
+                            const std::array<Vector3, kElasticSlots>& ways_m,
+                            const std::array<Vector3, kElasticSlots>& rates_m) const {
   double found = 0.0;
-  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
-    if (!point_in_[slot]) continue;
-    ElasticPlace& place = state.places[slot];
-    place.version = patch_.slots[slot].point.version;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto axis = static_cast<Eigen::Index>(k);
-      place.away[k] =
-          integer_of(away[slot][axis] * kElasticScale / static_cast<double>(state.away_step_m));
-      place.force[k] = integer_of(forces[slot][axis] * kElasticScale /
-                                  static_cast<double>(state.force_step_newton));
-    }
-    found += forces[slot].dot(state.from_m + away[slot] - patch_.slots[slot].point.rest_m);
-  }
-  // between the untouched body and this state the compliance shall do the work that the forces did
-  state.has_rest = false;
-  state.compliance_ratio = 1.0;
-  if (!is_alone || touch.force_on_tool_newton.isZero(0.0)) return;
   double expected = 0.0;
   for (std::size_t j = 0; j < kElasticSlots; ++j) {
     if (!point_in_[j] || forces[j].isZero(0.0)) continue;
+    found += forces[j].dot(ways_m[j]);
+    expected -= forces[j].dot(rates_m[j]);
     for (std::size_t i = 0; i < kElasticSlots; ++i) {
       if (!point_in_[i] || forces[i].isZero(0.0)) continue;
       expected += forces[i].dot(give(*point_in_[i], *point_in_[j]) * forces[j]);
     }
   }
   const double ratio = found / expected;
-  if (!(ratio >= 1.0 / kMostRatio && ratio <= kMostRatio)) return;
-  state.has_rest = true;
-  state.compliance_ratio = ratio;
+  return ratio >= 1.0 / kMostRatio && ratio <= kMostRatio ? ratio : 0.0;
+}
+
+/// The state at the points, and what the others press.
+void PatchMaker::describe(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m,
+                          const elastic::VectorXd& v_m_per_s, bool is_alone) {
+  ElasticState& state = patch_.state;
+  ++state.number;
+  state.center_m = touch.centre_m;
+  state.force_outside_patch_newton = touch.force_on_tool_newton;
+  state.places.fill({});
+  const bool has_forces = !touch.forces_on_body_newton.empty();
+  std::array<Vector3, kElasticSlots> away;
+  std::array<Vector3, kElasticSlots> ways_m;   // from the untouched body
+  std::array<Vector3, kElasticSlots> rates_m;  // in a relaxation time
+  std::array<Vector3, kElasticSlots> forces;
+  double largest_newton = 1e-12;
+  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+    if (!point_in_[slot]) continue;
+    const elastic::SurfacePoint& point = body_.points[*point_in_[slot]];
+    const Vector3 at_m = point.position_m(x_m.data());
+    patch_.slots[slot].distance_m =
+        elastic_distance_m(state.normal, state.from_m, state.to_m, at_m);
+    away[slot] = at_m - state.from_m;
+    ways_m[slot] = at_m - patch_.slots[slot].point.rest_m;
+    rates_m[slot] = state.relaxation_s * point.position_m(v_m_per_s.data());
+    forces[slot] =
+        has_forces ? touch.forces_on_body_newton[*point_in_[slot]] : Vector3(Vector3::Zero());
+    if (!forces[slot].isZero(0.0)) {
+      patch_.slots[slot].distance_m = -1.0;
+      pressed_at_[slot] = state.number;
+    }
+    state.force_outside_patch_newton += forces[slot];
+    largest_newton = std::max(largest_newton, forces[slot].cwiseAbs().maxCoeff());
+  }
+  if (state.force_outside_patch_newton.norm() < 1e-9) state.force_outside_patch_newton.setZero();
+  const double ratio =
+      is_alone && !touch.force_on_tool_newton.isZero(0.0) ? ratio_of(forces, ways_m, rates_m) : 0.0;
+  state.has_rest = ratio > 0.0;
+  state.compliance_ratio = state.has_rest ? ratio : 1.0;
+
+  double farthest_m = 1e-9;
+  std::array<Vector3, kElasticSlots> rests;
+  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+    if (!point_in_[slot]) continue;
+    rests[slot] =
+        away[slot] + limited_to_norm(state.compliance_ratio * rates_m[slot], kFarthestRest_m);
+    farthest_m =
+        std::max({farthest_m, away[slot].cwiseAbs().maxCoeff(), rests[slot].cwiseAbs().maxCoeff()});
+  }
+  // rounding up, so that no integer exceeds the scale
+  constexpr double kUp = 1.000001;
+  state.away_step_m = static_cast<float>(farthest_m * kUp);
+  state.force_step_newton =
+      static_cast<float>(std::min(largest_newton * kUp, kMaxTissueForceNewton));
+  const auto put = [](const Vector3& value, float step, std::array<std::int16_t, 3>& to) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      to[k] = integer_of(value[static_cast<Eigen::Index>(k)] * kElasticScale /
+                         static_cast<double>(step));
+    }
+  };
+  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+    if (!point_in_[slot]) continue;
+    ElasticPlace& place = state.places[slot];
+    place.version = patch_.slots[slot].point.version;
+    put(away[slot], state.away_step_m, place.away);
+    put(rests[slot], state.away_step_m, place.rest);
+    put(forces[slot], state.force_step_newton, place.force);
+  }
 }
 
 }  // namespace palpate::physics

@@ -43,9 +43,9 @@ class PatchMaker {
   };
   /// After a full solution. Makes the columns of few nodes that have none, nearest first: the
   /// points of the others come later.
-  /// @param x_m  the body   @param is_alone  no other tool deforms it
+  /// @param x_m, v_m_per_s  the body   @param is_alone  no other tool deforms it
   void update(const Tip& tip, const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m,
-              bool is_alone);
+              const elastic::VectorXd& v_m_per_s, bool is_alone);
 
   [[nodiscard]] const ElasticPatch& patch() const noexcept { return patch_; }
   /// No point waits for its columns.
@@ -61,7 +61,11 @@ class PatchMaker {
   [[nodiscard]] bool is_ready(std::uint32_t point, int& most_columns);
   void assign(std::uint32_t slot, std::uint32_t point);
   [[nodiscard]] Eigen::Matrix3d give(std::uint32_t at, std::uint32_t under) const;
-  void describe(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m, bool is_alone);
+  void describe(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m,
+                const elastic::VectorXd& v_m_per_s, bool is_alone);
+  [[nodiscard]] double ratio_of(const std::array<Vector3, kElasticSlots>& forces,
+                                const std::array<Vector3, kElasticSlots>& ways_m,
+                                const std::array<Vector3, kElasticSlots>& rates_m) const;
 
   const ElasticBody& body_;
   elastic::SurfaceCompliance& compliance_;

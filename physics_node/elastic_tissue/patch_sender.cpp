@@ -16,6 +16,7 @@ constexpr double kMostBytesAtOnce = 8e3;  // at once
 constexpr double kHeadBytes = 150.0;
 constexpr double kOtherBytes = 19.0;
 constexpr double kPlaceBytes = 17.0;
+constexpr double kRestBytes = 6.0;
 
 }  // namespace
 
@@ -85,7 +86,8 @@ void PatchSender::fill(ElasticTissues& tissues, std::size_t tool, const ToolMoti
     answer.elastic.has_point = false;
     answer.elastic.state = patch->state;
     answer.elastic.state.patch = static_cast<std::uint32_t>(i);
-    bytes_ -= kHeadBytes + kPlaceBytes * kElasticSlots;
+    bytes_ -= kHeadBytes +
+              (kPlaceBytes + (patch->state.relaxation_s > 0.0 ? kRestBytes : 0.0)) * kElasticSlots;
     return;
   }
   std::size_t patch = 0;

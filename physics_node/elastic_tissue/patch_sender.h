@@ -16,7 +16,7 @@ namespace palpate::physics {
 /// that takes them: a new state first, then points, pressed ones and the nearest to the tip's way
 /// first. What is not acknowledged is repeated, behind what is new: a state, while it is the
 /// newest, after a third of the loop's age, a point after 9/8 of it. One point or state per
-/// message, 2.5 kB at most, none in messages that carry tiles; in the mean at most kMostBytesPerS.
+/// message, 3.3 kB at most, none in messages that carry tiles; in the mean at most kMostBytesPerS.
 /// No allocation, lock or throw.
 class PatchSender {
  public:

@@ -156,6 +156,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const PhysicsProgram
   Speaker* const shared = speaker ? &*speaker : nullptr;
   SpokenTelemetry spoken(telemetry, shared);
   std::vector<std::unique_ptr<Engine>> engines;
+  engines.reserve(sides.size());
   for (const Side& side : sides) engines.push_back(program.make_engine(side));
   const std::unique_ptr<Display> display = program.make_display(telemetry, telemetry);
   RefusedPeersLog refused_peers(context.log, links.side.refused());

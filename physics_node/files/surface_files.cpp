@@ -69,8 +69,10 @@ TetrahedralMesh parse_tetrahedra(std::string_view bytes, const std::string& file
     mesh = parse_msh(bytes, file_name);
   } else if (extension == ".vtk") {
     mesh = parse_vtk(bytes, file_name);
+  } else if (extension == ".vtu") {
+    mesh = parse_vtu(bytes, file_name);
   } else {
-    refuse_extension(file_name, ".msh (Gmsh) or .vtk (legacy VTK) to be a tetrahedral_mesh");
+    refuse_extension(file_name, ".msh (Gmsh), .vtk or .vtu (VTK) to be a tetrahedral_mesh");
   }
   scale(mesh.nodes_m, unit_m, file_name);
   return mesh;

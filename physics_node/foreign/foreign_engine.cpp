@@ -283,7 +283,7 @@ void ForeignEngine::estimate(const sdk::Answer& answer, const ToolMotion& motion
 void ForeignEngine::look(Estimated& tissue, Observation& seen) {
   if (!engine_->force_at(seen.position_m)) return;
   const ForceAt force_at = [this](const Vector3& position_m) -> Vector3 {
-    const Vector3 force = engine_->force_at(position_m).value_or(Vector3::Zero());
+    Vector3 force = engine_->force_at(position_m).value_or(Vector3::Zero());
     check("force_at", force, kMaxTissueForceNewton);
     return force;
   };

@@ -2,6 +2,7 @@
 #include "physics_node/surfaces/tetrahedral_mesh.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace palpate::physics {
 
@@ -11,6 +12,24 @@ double six_volumes_m3(const std::vector<Vector3>& nodes_m,
   return (nodes_m[corners[1]] - origin)
       .cross(nodes_m[corners[2]] - origin)
       .dot(nodes_m[corners[3]] - origin);
+}
+
+void drop_unused_nodes(TetrahedralMesh& mesh) {
+  constexpr std::uint32_t kUnused = 0xffffffff;
+  std::vector<std::uint32_t> place(mesh.nodes_m.size(), kUnused);
+  for (const auto& corners : mesh.tetrahedra) {
+    for (const std::uint32_t corner : corners) place[corner] = 0;
+  }
+  std::vector<Vector3> used;
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    if (place[i] == kUnused) continue;
+    place[i] = static_cast<std::uint32_t>(used.size());
+    used.push_back(mesh.nodes_m[i]);
+  }
+  for (auto& corners : mesh.tetrahedra) {
+    for (std::uint32_t& corner : corners) corner = place[corner];
+  }
+  mesh.nodes_m = std::move(used);
 }
 
 TriangleMesh surface_of(const TetrahedralMesh& mesh) {

@@ -25,6 +25,9 @@ struct TetrahedralMesh {
 [[nodiscard]] double six_volumes_m3(const std::vector<Vector3>& nodes_m,
                                     const std::array<std::uint32_t, 4>& corners) noexcept;
 
+/// Removes the nodes that no tetrahedron uses; the others keep their order.
+void drop_unused_nodes(TetrahedralMesh& mesh);
+
 /// The faces that belong to one element only, facing outwards.
 [[nodiscard]] TriangleMesh surface_of(const TetrahedralMesh& mesh);
 

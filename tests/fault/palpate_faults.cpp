@@ -149,7 +149,7 @@ bool follows(const TickRow& row, const TickRow& before) {
 double largest_newton(const TickRow& row) {
   if (!row.mofc) return newton(row);
   return std::max({newton(row), row.mofc->commanded_force_on_hand_newton.norm(),
-                   row.mofc->asked_force_on_hand_newton.norm()});
+                   row.mofc->requested_force_on_hand_newton.norm()});
 }
 
 /// While ticks are lost the force never exceeds that at the begin of the loss; otherwise it never

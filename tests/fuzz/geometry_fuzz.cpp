@@ -37,6 +37,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       geometry.kind = FileGeometry::Kind::kTetrahedralMesh;
       name = "fuzz.msh";
       break;
+    case 'u':
+      geometry.kind = FileGeometry::Kind::kTetrahedralMesh;
+      name = "fuzz.vtu";
+      break;
     default:
       geometry.kind = FileGeometry::Kind::kTetrahedralMesh;
       name = "fuzz.vtk";

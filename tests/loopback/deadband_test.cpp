@@ -65,7 +65,7 @@ TEST(Deadband, TheErrorOfTheForceIsAtMostTheRatioOrTheFloorAtEveryPhysicsStep) {
     double worst = 0.0;
     for (std::size_t k = 1; k < thinned.rows.size(); ++k) {
       const double F = law_newton(thinned.rows[k - 1]);
-      const double error = std::abs(thinned.rows[k].mofc->asked_force_on_hand_newton.z() - F);
+      const double error = std::abs(thinned.rows[k].mofc->requested_force_on_hand_newton.z() - F);
       ASSERT_LE(error, std::max(ratio * F, 0.05) + 1e-12) << "tick " << k;
       worst = std::max(worst, error);
     }
@@ -83,8 +83,8 @@ TEST(Deadband, AContactModelThatStaysRightNeedsNoMessage) {
                                    5s);
 
   for (std::size_t k = 100; k < thinned.rows.size(); ++k) {
-    ASSERT_NEAR(thinned.rows[k].mofc->asked_force_on_hand_newton.z(), law_newton(thinned.rows[k]),
-                1e-9)
+    ASSERT_NEAR(thinned.rows[k].mofc->requested_force_on_hand_newton.z(),
+                law_newton(thinned.rows[k]), 1e-9)
         << "tick " << k;
   }
   EXPECT_LE(thinned.mofc.interaction.accepted, 252u);
@@ -97,7 +97,7 @@ TEST(Deadband, AThinnedMotionAddsNoMoreThanItsFloorTimesTheStiffness) {
   for (std::size_t k = 1; k < thinned.rows.size(); ++k) {
     const double F = law_newton(thinned.rows[k - 1]);
     const double motion_newton = kStiffness_newton_per_m * 1e-4;
-    ASSERT_NEAR(thinned.rows[k].mofc->asked_force_on_hand_newton.z(), F,
+    ASSERT_NEAR(thinned.rows[k].mofc->requested_force_on_hand_newton.z(), F,
                 std::max(0.05 * (F + motion_newton), 0.05) + motion_newton + 1e-12)
         << "tick " << k;
   }

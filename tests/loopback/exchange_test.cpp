@@ -54,6 +54,8 @@ class Answering {
 
   /// Largest number of operator new calls in one answer after the first 100 answers.
   [[nodiscard]] std::uint64_t most_allocations() const { return most_allocations_; }
+  /// The same of malloc.
+  [[nodiscard]] std::uint64_t most_mallocs() const { return most_mallocs_; }
 
  private:
   void answer(const std::stop_token& stop) {
@@ -64,6 +66,7 @@ class Answering {
     while (!stop.stop_requested()) {
       server_.wait_until(clock_.now() + 20ms);
       const AllocGuard allocations;
+      const std::uint64_t mallocs_before = test::mallocs_of_this_thread();
       if (!server_.receive(state, received_at)) continue;
       command.header = state.header;
       command.answers_session_id = state.header.session_id;
@@ -72,6 +75,8 @@ class Answering {
       server_.send(command);
       if (state.header.sequence > 100) {
         most_allocations_ = std::max(most_allocations_.load(), allocations.count());
+        most_mallocs_ =
+            std::max(most_mallocs_.load(), test::mallocs_of_this_thread() - mallocs_before);
       }
     }
   }
@@ -79,6 +84,7 @@ class Answering {
   SteadyClock clock_;
   ExchangeServer server_;
   std::atomic<std::uint64_t> most_allocations_{0};
+  std::atomic<std::uint64_t> most_mallocs_{0};
   std::jthread thread_;
 };
 
@@ -154,24 +160,44 @@ TEST_P(Exchanging, SleepUntilNeverReturnsEarly) {
   }
 }
 
-// libzmq mallocs the body of each frame that it sends; otherwise neither end allocates.
-TEST_P(Exchanging, InSteadyStateNeitherEndUsesOperatorNew) {
+// libzmq mallocs the body of each frame that it sends, and now and then room for its queues;
+// otherwise neither end allocates.
+TEST_P(Exchanging, InSteadyStateNeitherEndUsesOperatorNewAndLibzmqMallocsWhatIsStated) {
+  constexpr std::uint64_t kMostMallocs = 3;  // a body, room in the pipe, room in a mailbox
+  constexpr std::uint64_t kCounted = 899;
   const Answering mofc(context_, endpoint_);
   ExchangeClient device(context_, clock_, connect_to(endpoint_, "links.exchange"));
   ASSERT_TRUE(device.wait_for_peer(kPatience));
   std::uint64_t most_allocations = 0;
+  std::uint64_t most_mallocs = 0;
+  std::uint64_t all_mallocs = 0;
 
   for (std::uint64_t n = 0; n < 1000; ++n) {
     const DeviceState state = state_of(n);
     ForceCommand command;
     const AllocGuard allocations;
+    const std::uint64_t mallocs_before = test::mallocs_of_this_thread();
     ASSERT_EQ(device.send(state), SendResult::kSent);
     ASSERT_TRUE(await(device, command));
-    if (n > 100) most_allocations = std::max(most_allocations, allocations.count());
+    if (n > 100) {
+      const std::uint64_t mallocs = test::mallocs_of_this_thread() - mallocs_before;
+      most_allocations = std::max(most_allocations, allocations.count());
+      most_mallocs = std::max(most_mallocs, mallocs);
+      all_mallocs += mallocs;
+    }
   }
 
+  RecordProperty("device_most_mallocs", std::to_string(most_mallocs));
+  RecordProperty("device_all_mallocs", std::to_string(all_mallocs));
+  RecordProperty("mofc_most_mallocs", std::to_string(mofc.most_mallocs()));
   EXPECT_EQ(most_allocations, 0u);
   EXPECT_EQ(mofc.most_allocations(), 0u);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  EXPECT_GE(all_mallocs, kCounted) << "the calls inside libzmq are not counted";
+#endif
+  EXPECT_LE(all_mallocs, kCounted + kCounted / 10);  // room: rarely
+  EXPECT_LE(most_mallocs, kMostMallocs);
+  EXPECT_LE(mofc.most_mallocs(), kMostMallocs);
 }
 
 // --- device and mofc in one process -----------------------------------------------------------

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // fake_node: replaces a node in the tests of the supervisor. It writes one line when it has started
 // and one for each SIGTERM or SIGINT into the named pipe `events` of its folder. A file NAME.does
-// in that folder with one of the words below makes it misbehave. What it leaves behind holds the
-// pipe open.
+// in that folder with one of the words below makes it misbehave: "saturates" from SIGUSR1 on, with
+// SCHED_FIFO. What it leaves behind holds the pipe open.
 #include <fcntl.h>
+#include <sched.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -22,6 +23,7 @@ int main(int argc, char** argv) {
   sigemptyset(&stop);
   sigaddset(&stop, SIGTERM);
   sigaddset(&stop, SIGINT);
+  sigaddset(&stop, SIGUSR1);
   sigprocmask(SIG_BLOCK, &stop, nullptr);
 
   const int events = open((self.parent_path() / "events").c_str(), O_WRONLY);
@@ -40,6 +42,19 @@ int main(int argc, char** argv) {
   }
 
   int signal = 0;
+  if (does == "saturates") {
+    const sched_param priority{.sched_priority = 5};
+    sched_setscheduler(0, SCHED_FIFO, &priority);
+    if (!report("ready")) return 1;
+    sigwait(&stop, &signal);
+    // a tick that is always late: it never sleeps, and its equals have their turn after it
+    const timespec at_once{};
+    while (signal != SIGTERM) {
+      signal = sigtimedwait(&stop, nullptr, &at_once);
+      sched_yield();
+    }
+    return report("signal " + std::to_string(signal)) ? 0 : 1;
+  }
   do {
     sigwait(&stop, &signal);
     if (!report("signal " + std::to_string(signal))) return 1;

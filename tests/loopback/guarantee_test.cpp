@@ -280,7 +280,7 @@ scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }
   Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
     if (row.device.sampled_at < TimePoint(std::chrono::seconds(3))) return;
     ASSERT_TRUE(row.mofc.has_value());
-    const double requested = row.mofc->asked_force_on_hand_newton.norm();
+    const double requested = row.mofc->requested_force_on_hand_newton.norm();
     least_requested_newton = std::min(least_requested_newton, requested);
     least_ratio = std::min(least_ratio, row.device.force_on_hand_newton.norm() / requested);
     ++ticks;

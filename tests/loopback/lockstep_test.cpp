@@ -76,7 +76,7 @@ std::vector<std::uint64_t> bits_of(const Recording& run) {
       add(row.device.true_tool_position_world_m[i]);
       add(row.device.measured_hand_position_m[i]);
       add(row.device.force_on_hand_newton[i]);
-      add(row.mofc ? row.mofc->asked_force_on_hand_newton[i] : -1.0);
+      add(row.mofc ? row.mofc->requested_force_on_hand_newton[i] : -1.0);
       add(row.mofc ? row.mofc->f_max_newton[i] : -1.0);
     }
     add(row.device.true_energy_joule);
@@ -131,14 +131,28 @@ TEST(Lockstep, AHostilePhysicsReplacesTheInteractions) {
   EXPECT_EQ(touch.last().device.force_on_hand_newton, Vector3(2, 0, 0));
 }
 
+// Without the clamp the same lies give the hand millijoules.
+TEST(Lockstep, ALyingComplianceGivesTheHandNothing) {
+  const Recording clamped =
+      run(shipped("hostile_elastic", {"adversary.physics=lying_compliance"}), 500ms);
+  const Recording unlimited = run(
+      shipped("hostile_elastic",
+              {"adversary.physics=lying_compliance", "mofc.controller=none", "device.monitor=off"}),
+      500ms);
+
+  EXPECT_GE(clamped.last().device.minimum_true_energy_joule, -1e-6);
+  EXPECT_LT(unlimited.last().device.minimum_true_energy_joule, -1e-3);
+  EXPECT_EQ(clamped.mofc.interaction.rejected, 0U);
+}
+
 // Kelvin–Voigt at exact positions: fe(k) is the law at the position measured at k − 1.
 TEST(Lockstep, AHeldForceIsTheTissuesLawAtThePositionItAnswers) {
   const Recording touch = run(parsed(kPressing, {"mofc.interaction=held"}), 200ms);
 
   for (std::size_t k = 1; k < touch.rows.size(); ++k) {
     const double depth = -touch.rows[k - 1].device.measured_tool_position_world_m.z();
-    EXPECT_NEAR(touch.rows[k].mofc->asked_force_on_hand_newton.z(), 400.0 * std::max(0.0, depth),
-                1e-12);
+    EXPECT_NEAR(touch.rows[k].mofc->requested_force_on_hand_newton.z(),
+                400.0 * std::max(0.0, depth), 1e-12);
   }
 }
 
@@ -157,7 +171,7 @@ TEST(Lockstep, AForceFromTheLocalModelIsTheTissuesLawAtThePresentPosition) {
     for (std::size_t k = 150; k < touch.rows.size(); ++k) {  // since the first answer
       const double depth = -touch.rows[k].device.measured_tool_position_world_m.z();
       const double error =
-          touch.rows[k].mofc->asked_force_on_hand_newton.z() - 400.0 * std::max(0.0, depth);
+          touch.rows[k].mofc->requested_force_on_hand_newton.z() - 400.0 * std::max(0.0, depth);
       largest = std::max(largest, std::abs(error));
     }
     return largest;
@@ -431,7 +445,7 @@ TEST(Lockstep, TheWorkspaceScalesMotionAndForce) {
 
   EXPECT_NEAR(tick.measured_tool_position_world_m.z(), 2.0 * tick.measured_hand_position_m.z(),
               1e-12);
-  EXPECT_NEAR(touch.last().mofc->asked_force_on_hand_newton.z(),
+  EXPECT_NEAR(touch.last().mofc->requested_force_on_hand_newton.z(),
               0.5 * 400.0 * -tick.measured_tool_position_world_m.z(), 1e-4);
 }
 

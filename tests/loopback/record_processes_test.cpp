@@ -23,6 +23,7 @@
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
+#include "tests/support/web_client.h"
 
 namespace palpate {
 namespace {
@@ -194,6 +195,79 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
     EXPECT_GE(rows.size(), 1900u);     // of 2000
     EXPECT_GE(messages["/mesh"], 50);  // moving tissue: 30 a second
   }
+}
+
+// The page's own subscription begins it; there is no other viewer.
+TEST_F(RecordProcesses, OfWhichNothingCanBeReadAreRefusedByReplay) {
+  const std::string whole = path("whole.mcap");
+  ASSERT_EQ(run_program("palpate", {"loopback", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb",
+                                    "--seconds", "0.5", "--record", whole})
+                .status,
+            0);
+  std::filesystem::resize_file(whole, std::filesystem::file_size(whole) / 2);  // in its one chunk
+
+  const auto replay = run_program("palpate", {"replay", whole, "--no-viewer"});
+
+  EXPECT_EQ(replay.status, 2);
+  EXPECT_THAT(replay.err, HasSubstr(whole + ": has nothing to replay; missing: its end"));
+}
+
+TEST_F(RecordProcesses, AReplayHasAPageOfItsOwn) {
+  const std::string file = path("run.mcap");
+  ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "1", "--no-ideal",
+                                    "--record", file, "--set", "viewer.web={port: 0}"})
+                .status,
+            0);
+  const Session session = load_session(session_);
+  std::filesystem::rename(session_, path("elsewhere.txtpb"));  // the recording is enough
+  Program replay("palpate", {"replay", file});
+  const std::string address = "http://127.0.0.1:";
+  ASSERT_TRUE(test::await([&] {
+    return replay.out().find("waiting for the page to be opened") != std::string::npos;
+  })) << replay.out()
+      << replay.err();
+  EXPECT_THAT(replay.out(), testing::StartsWith(address));
+  EXPECT_THAT(replay.out(), testing::Not(HasSubstr("playing")));
+
+  test::WebClient page(static_cast<std::uint16_t>(std::stoi(replay.out().substr(address.size()))));
+  ASSERT_TRUE(page.open_web_socket());
+  page.send_text(R"({"op":"subscribe","subscriptions":[{"id":2,"channelId":2},)"
+                 R"({"id":3,"channelId":3}]})");
+  EXPECT_TRUE(page.await_data(3)) << "ticks of the device";
+  EXPECT_THAT(replay.out(), HasSubstr("\nplaying\n"));
+  // at its end it stays, for the page may move it
+  const SteadyClock clock;
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  TelemetrySubscriber states(links.side, clock,
+                             {run_state_of(session, Attachment::Role::kConnect)});
+  ReplayState state;
+  EXPECT_TRUE(test::await([&] {
+    TelemetryMessage message;
+    TimePoint received_at;
+    while (states.receive(message, received_at)) {
+      const auto* run = std::get_if<RunState>(&message);
+      if (run != nullptr && run->replay) state = *run->replay;
+    }
+    return state.is_paused;
+  })) << replay.err();
+  EXPECT_EQ(state.position_s, state.length_s);
+  replay.send_signal(SIGTERM);
+  EXPECT_EQ(replay.wait(), 0) << replay.err();
+  EXPECT_EQ(replay.err(), "");
+}
+
+TEST_F(RecordProcesses, AReplayWhosePageNobodyOpensEndsIfItDoesNotWait) {
+  const std::string file = path("run.mcap");
+  ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "1", "--no-ideal",
+                                    "--record", file, "--set", "viewer.web={port: 0}"})
+                .status,
+            0);
+  const auto alone = run_program("palpate", {"replay", file, "--speed", "20", "--wait", "0"});
+  EXPECT_EQ(alone.status, 0) << alone.err;
+  EXPECT_THAT(alone.out, HasSubstr("http://127.0.0.1:"));
+  const auto quiet = run_program("palpate", {"-q", "replay", file, "--speed", "20", "--wait", "0"});
+  EXPECT_EQ(quiet.status, 0) << quiet.err;
+  EXPECT_EQ(quiet.out, "") << "no page, no words";
 }
 
 TEST_F(RecordProcesses, ALoopBeginsAnewWithNewNodes) {

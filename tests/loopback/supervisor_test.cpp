@@ -28,6 +28,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include "common/core/check.h"
 #include "common/process/realtime.h"
@@ -67,6 +68,7 @@ class Launch : public testing::Test {
       kill(launcher_, SIGKILL);
       waitpid(launcher_, nullptr, 0);
     }
+    if (has_one_processor_) sched_setaffinity(0, sizeof(cpu_set_t), &allowed_);
     close(events_);
   }
 
@@ -76,13 +78,17 @@ class Launch : public testing::Test {
             .timing = {.first_back_off = milliseconds(1)}};
   }
 
-  /// Starts a launcher in a process group of its own. It reports its result through the pipe.
+  /// Starts a launcher in a process group of its own. It reports its result through the pipe; its
+  /// log goes to the file "log".
   void start_launcher(const LaunchOptions& options) {
     launcher_ = fork();
     ASSERT_GE(launcher_, 0);
     if (launcher_ > 0) return;
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);  // nothing is left if the test is killed
+    const int log = open((folder_ / "log").c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+    dup2(log, STDERR_FILENO);
+    if (has_one_processor_) sched_setaffinity(0, sizeof(cpu_set_t), &saturated_);
     std::ostringstream line;
     int status = 9;
     try {
@@ -96,6 +102,17 @@ class Launch : public testing::Test {
     }
     std::ofstream(folder_ / "events") << line.str() << std::flush;
     _exit(status);
+  }
+
+  /// The log of the launcher, once it contains the text; empty when the deadline has passed.
+  std::string log_with(const std::string& text) const {
+    while (left() > 0) {
+      std::ifstream file(folder_ / "log");
+      std::string log(std::istreambuf_iterator<char>(file), {});
+      if (log.find(text) != std::string::npos) return log;
+      std::this_thread::sleep_for(milliseconds(5));
+    }
+    return "";
   }
 
   int launcher_status() {
@@ -157,6 +174,56 @@ class Launch : public testing::Test {
     return static_cast<int>(std::max(left, milliseconds(0)).count());
   }
 
+  /// Sides with ticks that leave no processor to anybody, on one processor.
+  LaunchOptions saturating_sides(int count) {
+    has_one_processor_ = true;
+    sched_getaffinity(0, sizeof(cpu_set_t), &allowed_);
+    std::size_t first = 0;
+    while (!CPU_ISSET(first, &allowed_)) ++first;
+    CPU_ZERO(&saturated_);
+    CPU_SET(first, &saturated_);
+    cpu_set_t others = allowed_;  // for this test
+    CPU_CLR(first, &others);
+    sched_setaffinity(0, sizeof(cpu_set_t), &others);  // refused if there are none
+    std::string session = "name: \"" + session_name_ + "\"\n";
+    for (int i = 0; i < count; ++i) session += "side { name: \"s" + std::to_string(i) + "\" }\n";
+    files_.write("session.txtpb", session);
+    for (const char* name : {"physics_node", "mofc_node", "device_node"}) let(name, "saturates");
+    LaunchOptions options = this->options();
+    options.timing.stop_grace = std::chrono::hours(1);  // all end in order
+    options.overrides = {"realtime.priority=5"};
+    return options;
+  }
+  /// Lets all of them begin, once they are ready.
+  void saturate(int count) {
+    std::vector<pid_t> nodes;
+    for (int ready = 0; ready < count;) {
+      const std::string event = next_event();
+      if (event.empty()) throw std::runtime_error("not all are ready");
+      if (event.ends_with(" ready")) {
+        ++ready;
+        continue;
+      }
+      std::istringstream words(event);
+      std::string name;
+      std::string verb;
+      words >> name >> verb >> nodes.emplace_back();
+    }
+    for (const pid_t node : nodes) {
+      if (node > 0) kill(node, SIGUSR1);
+    }
+  }
+  /// The names of the nodes that were stopped, in order, and then what the launcher reports.
+  std::vector<std::string> stopped(int count) {
+    std::vector<std::string> events;
+    for (int i = 0; i < count; ++i) {
+      const std::string event = next_event();
+      if (events.empty() || events.back() != event) events.push_back(event);
+    }
+    events.push_back(next_event().substr(0, std::string("launcher end=0").size()));
+    return events;
+  }
+
   void let(const std::string& node, const std::string& what) const {
     files_.write(node + ".does", what);
   }
@@ -169,6 +236,9 @@ class Launch : public testing::Test {
   int events_ = -1;
   std::string unread_;
   pid_t launcher_ = 0;
+  bool has_one_processor_ = false;  // the launcher and its nodes
+  cpu_set_t saturated_{};
+  cpu_set_t allowed_{};
 };
 
 TEST_F(Launch, CtrlCReachesOnlyTheLauncherWhichStopsAllInOrder) {
@@ -274,6 +344,36 @@ TEST_F(Launch, TheSupervisorRunsAheadOfTheTicks) {
   }
   EXPECT_EQ(ahead, 1);
   for (const auto& [name, pid] : nodes) EXPECT_EQ(sched_getscheduler(pid), SCHED_OTHER) << name;
+}
+
+// 8 sides on one processor, 17 nodes in all, each of which uses all of it with SCHED_FIFO.
+constexpr int kSides = 8;
+constexpr int kNodes = 2 * kSides + 1;
+
+TEST_F(Launch, ThatSaturatesItsProcessorStopsOnASignal) {
+  if (!may_use_fifo(6)) GTEST_SKIP() << "SCHED_FIFO is not permitted";
+  start_launcher(saturating_sides(kSides));
+  saturate(kNodes);
+
+  kill(launcher_, SIGTERM);
+
+  EXPECT_THAT(stopped(kNodes), testing::ElementsAre("device_node signal 15", "mofc_node signal 15",
+                                                    "physics_node signal 15", "launcher end=1"));
+  EXPECT_EQ(launcher_status(), 0);
+  EXPECT_TRUE(all_nodes_end());
+}
+
+TEST_F(Launch, ThatSaturatesItsProcessorEndsWhenItsTimeIsUp) {
+  if (!may_use_fifo(6)) GTEST_SKIP() << "SCHED_FIFO is not permitted";
+  LaunchOptions options = saturating_sides(kSides);
+  options.seconds = std::chrono::duration<double>(test::patience(milliseconds(250))).count();
+  start_launcher(options);
+  saturate(kNodes);
+
+  EXPECT_THAT(stopped(kNodes), testing::ElementsAre("device_node signal 15", "mofc_node signal 15",
+                                                    "physics_node signal 15", "launcher end=0"));
+  EXPECT_EQ(launcher_status(), 0);
+  EXPECT_TRUE(all_nodes_end());
 }
 
 TEST_F(Launch, ADeviceStartedAgainRampsItsForceUpAlsoIfItsSessionHasNoRamp) {
@@ -475,6 +575,34 @@ TEST_F(Launch, ARunFolderThatIsHeldIsThere) {
   other.join();
 
   EXPECT_EQ(missing, 0);
+}
+
+// A node that is started again would not find the others.
+TEST_F(Launch, ARunFolderThatIsRemovedMeanwhileIsSaidOnce) {
+  start_launcher(options());
+  started_nodes(3);
+
+  fs::remove_all(run_folder(session_name_));
+
+  const std::string said = "event=run_folder_lost folder=" + run_folder(session_name_).string();
+  EXPECT_THAT(log_with(said), HasSubstr("remedy=\"stop this launch and start it again"));
+  kill(launcher_, SIGTERM);
+  EXPECT_EQ(launcher_status(), 0);
+  const std::string log = log_with(said);
+  EXPECT_EQ(log.find(said), log.rfind(said));
+}
+
+TEST_F(Launch, ARunFolderThatAnotherLaunchHasMadeAnewIsNoticedAndLeftAlone) {
+  start_launcher(options());
+  started_nodes(3);
+
+  fs::rename(run_folder(session_name_), folder_ / "moved");
+  const RunFolder of_another(session_name_);
+
+  EXPECT_NE(log_with("event=run_folder_lost"), "");
+  kill(launcher_, SIGTERM);
+  EXPECT_EQ(launcher_status(), 0);
+  EXPECT_TRUE(of_another.is_present());
 }
 
 TEST_F(Launch, ARunFolderThatCannotBeCreatedIsASetupErrorWithItsPath) {

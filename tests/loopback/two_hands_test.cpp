@@ -2,6 +2,7 @@
 // Two devices, each with its own clamp, one physics_node and one viewer: real programs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 
 #include <algorithm>
 #include <csignal>
@@ -238,6 +239,26 @@ TEST_F(TwoHands, EachSideHasAPhysicsOfItsOwn) {
   }));
   launch.send_signal(SIGTERM);
   EXPECT_EQ(launch.wait(), 0);
+}
+
+TEST_F(TwoHands, OnOneProcessorAreAWarningOfLaunchAndDoctor) {
+  cpu_set_t before;
+  ASSERT_EQ(sched_getaffinity(0, sizeof(before), &before), 0);
+  std::size_t first = 0;
+  while (!CPU_ISSET(first, &before)) ++first;
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(first, &one);
+  ASSERT_EQ(sched_setaffinity(0, sizeof(one), &one), 0);  // of the programs, too
+  const Outcome launch =
+      run_program("palpate", {"launch", file_, "--seconds", "0.2", "--no-viewer"});
+  const Outcome doctor = run_program("palpate", {"doctor", file_});
+  sched_setaffinity(0, sizeof(before), &before);
+
+  EXPECT_THAT(launch.err, HasSubstr("2 sides on 1 processor: their ticks may delay"));
+  EXPECT_EQ(launch.status, 0) << launch.err;
+  EXPECT_THAT(doctor.out, HasSubstr("2 sides on 1 processor"));
+  EXPECT_THAT(doctor.out, HasSubstr("use fewer sides"));
 }
 
 TEST_F(TwoHands, ANodeNeedsItsSide) {

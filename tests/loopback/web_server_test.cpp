@@ -8,8 +8,11 @@
 #include <sched.h>
 #include <sys/ioctl.h>
 
+#include <algorithm>
 #include <array>
+#include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <memory>
 #include <thread>
@@ -103,6 +106,19 @@ TEST_F(WebServerTest, EchoesTheSubprotocol) {
   EXPECT_THAT(head, HasSubstr("Sec-WebSocket-Protocol: foxglove.sdk.v1"));
   // RFC 6455 §1.3: the answer to this key
   EXPECT_THAT(head, HasSubstr("s3pPLMBiTxaQ9kYGzzhZRbK+xOo="));
+}
+
+// A client may send before it has the answer to its upgrade; both arrive in one packet then.
+TEST_F(WebServerTest, KeepsWhatFollowsAnUpgrade) {
+  auto client = connect();
+  std::string late = WebClient::frame(1, R"({"op":"later"})");
+  client->send_raw(WebClient::upgrade() + WebClient::frame(1, R"({"op":"first"})") +
+                   WebClient::frame(1, R"({"op":"second"})") + late.substr(0, 3));
+  EXPECT_TRUE(client->read_head().starts_with("HTTP/1.1 101"));
+  EXPECT_THAT(client->await_text("is not supported"), HasSubstr("first"));
+  EXPECT_THAT(client->await_text("is not supported"), HasSubstr("second"));
+  client->send_raw(late.substr(3));
+  EXPECT_THAT(client->await_text("is not supported"), HasSubstr("later"));
 }
 
 TEST_F(WebServerTest, NeverCompressesMessages) {
@@ -233,6 +249,96 @@ TEST_F(WebServerTest, ASlowClientLosesItsOldestDataIsToldAndHoldsUpNobody) {
   }
 }
 
+// 20 kbit/s, in scaled time: 25 kB of the answer while the server waits once for progress. The
+// kernel holds up to 150 kB, and takes more only after up to 127 kB of them are acknowledged.
+TEST(WebServerLink, ASlowLinkGetsAllOfItsAnswer) {
+  const auto answer_timeout = test::patience(100ms);
+  WebServer server({.port = 0, .answer_timeout = answer_timeout}, {});
+  const std::string body(600'000, 'p');
+  server.set_metrics(body);
+  WebClient slow(server.port(), INADDR_LOOPBACK, WebClient::Link::kSlow);
+  slow.send_raw("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  ASSERT_THAT(slow.read_head(), HasSubstr("HTTP/1.1 200 OK"));
+
+  constexpr std::size_t kStepBytes = 500;
+  const auto step = answer_timeout * kStepBytes / 25'000;
+  std::string received;
+  auto due = std::chrono::steady_clock::now();
+  while (received.size() < 150'000) {
+    const std::string more = slow.read(kStepBytes);
+    ASSERT_EQ(more.size(), kStepBytes) << "after " << received.size() << " bytes";
+    received += more;
+    std::this_thread::sleep_until(due += step);
+  }
+
+  received += slow.read(body.size() - received.size());
+  EXPECT_EQ(received.size(), body.size());
+  EXPECT_TRUE(received == body);
+}
+
+TEST(WebServerLink, AClientThatTakesNothingOfItsAnswerIsCutOff) {
+  WebServer server({.port = 0, .answer_timeout = 20ms}, {});
+  const std::string body(1'000'000, 'p');
+  server.set_metrics(body);
+  WebClient idle(server.port(), INADDR_LOOPBACK, WebClient::Link::kSlow);
+  idle.send_raw("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  std::this_thread::sleep_for(test::patience(200ms));
+
+  EXPECT_LT(idle.read(body.size()).size(), body.size());
+}
+
+// With 64 sides and many clients, each of which watches something else.
+TEST(WebServerLink, AMessageCostsTheServerNoMoreForThoseWhoDoNotSubscribe) {
+  ServerDescription description;
+  for (int side = 0; side < 64; ++side) {
+    description.channels.push_back({"/" + std::to_string(side), "p.A", ""});
+  }
+  // on one processor, whichever it is: to wake another costs more than a message
+  cpu_set_t allowed;
+  ASSERT_EQ(sched_getaffinity(0, sizeof(allowed), &allowed), 0);
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(static_cast<std::size_t>(sched_getcpu()), &one);
+  ASSERT_EQ(sched_setaffinity(0, sizeof(one), &one), 0);
+  /// Processor time of 400 messages to one client, the others silent.
+  const auto cost_with = [&](int others) {
+    WebServer server({.port = 0, .audience = 2000}, description);
+    const auto join = [&](int channel) {
+      auto client = std::make_unique<WebClient>(server.port());
+      EXPECT_TRUE(client->open_web_socket());
+      client->send_text(R"({"op":"subscribe","subscriptions":[{"id":1,"channelId":)" +
+                        std::to_string(channel) + "}]}");
+      return client;
+    };
+    const auto reader = join(1);
+    std::vector<std::unique_ptr<WebClient>> silent;
+    for (int i = 0; i < others; ++i) silent.push_back(join(2 + i % 63));
+    std::size_t subscribed = 0;
+    while (subscribed <= static_cast<std::size_t>(others)) {
+      subscribed += server.take_events().size();
+      std::this_thread::sleep_for(1ms);
+    }
+    double least_s = 1e9;
+    for (int repetition = 0; repetition < 5; ++repetition) {
+      const std::clock_t begin = std::clock();
+      for (int i = 0; i < 400; ++i) {
+        server.publish(0, 0, std::make_shared<const std::string>("state"));
+        EXPECT_TRUE(reader->await_data(1));
+      }
+      least_s = std::min(least_s, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+    }
+    return least_s;
+  };
+
+  const double alone_s = cost_with(0);
+  const double among_many_s = cost_with(1000);
+  sched_setaffinity(0, sizeof(allowed), &allowed);
+
+  std::printf("400 messages: %.1f ms alone, %.1f ms among 1,000 others\n", 1e3 * alone_s,
+              1e3 * among_many_s);
+  EXPECT_LT(among_many_s, 1.3 * alone_s);
+}
+
 TEST_F(WebServerTest, AClientThatAsksAndNeverReadsIsCutOff) {
   const auto client = viewer();
   client->read_slowly();
@@ -319,6 +425,14 @@ TEST_F(WebServerTest, SurvivesAnyBytes) {
     }
   }
   expect_alive();
+}
+
+// Answers that are being written leave no connection that could give way.
+TEST_F(WebServerTest, ABurstOfBadRequestsTurnsNobodyAway) {
+  for (int burst = 0; burst < 200; ++burst) {
+    for (int i = 0; i < 130; ++i) connect()->send_raw("nonsense\r\n\r\n");
+    expect_alive();
+  }
 }
 
 TEST_F(WebServerTest, TakesSixteenViewersAndNoMore) {
@@ -434,8 +548,9 @@ bool enter_network_of_its_own() {
 }
 
 /// Of 40 connections from 10.77.0.3, those that are served.
-std::size_t served_of_40(const std::vector<std::string>& proxies) {
-  const WebServer server(WebServerConfig{.address = "0.0.0.0", .port = 0, .proxies = proxies}, {});
+std::size_t served_of_40(const std::vector<std::string>& proxies,
+                         const std::string& address = "0.0.0.0") {
+  const WebServer server({.address = address, .port = 0, .proxies = proxies}, {});
   std::vector<std::unique_ptr<WebClient>> clients;
   for (int i = 0; i < 40; ++i) {
     clients.push_back(std::make_unique<WebClient>(server.port(), kOther));
@@ -457,6 +572,8 @@ TEST(WebServerNetwork, OneAddressGets24ConnectionsAndAProxyAsManyAsThereAre) {
     is_permitted = enter_network_of_its_own();
     if (!is_permitted) return;
     EXPECT_EQ(served_of_40({kOtherText}), 40u);
+    EXPECT_EQ(served_of_40({std::string("::ffff:") + kOtherText}), 40u);
+    EXPECT_EQ(served_of_40({kOtherText}, "::"), 40u) << "which sees it as ::ffff:10.77.0.3";
     using Proxies = std::vector<std::string>;
     for (const Proxies& proxies : {Proxies{}, Proxies{"10.77.0.4"}}) {
       const test::QuietMachine machine;

@@ -52,7 +52,7 @@ TEST(ClampLaws, TheSameInThreeDimensions) {
     const std::vector<AppliedStretch> free{{p.T, Vector3::Zero(), moved, true}};
     (void)controller.step({});
     const ControlOutput out = controller.step(
-        {.hand_position_m = moved, .applied = free, .asked_force_on_hand_newton = 1e6 * ask});
+        {.hand_position_m = moved, .applied = free, .requested_force_on_hand_newton = 1e6 * ask});
     ASSERT_TRUE(out.is_clamped);
     const Vector3 F = out.force_on_hand_newton;
     const double energy = out.ledger_energy_joule;
@@ -200,20 +200,20 @@ TEST(AxisClampLaws, MoreEnergyNeverGivesLessAndTheForceKeepsItsDirectionAndItsBo
     const double v_max =
         random.chance(0.5) ? random.uniform(0.1, 1.0) : std::numeric_limits<double>::infinity();
     const OnePoolClamp clamp(p, random_axis_friction(random), v_max);
-    const Vector3 asked = random_force(random);
+    const Vector3 requested = random_force(random);
     const double gate = random.chance(0.5) ? 1.0 : random.uniform();
     double before = 0.0;
     for (double energy = 1e-7; energy < 1.0; energy *= 1.5) {
-      const ControlOutput out = clamp.clamp(asked, energy, gate);
+      const ControlOutput out = clamp.clamp(requested, energy, gate);
       const Vector3& given = out.force_on_hand_newton;
       ASSERT_GE(given.norm(), before);
-      ASSERT_LE(given.norm(), asked.norm());
-      ASSERT_LE(given.cross(asked).norm(), 1e-15 * given.norm() * asked.norm());
-      ASSERT_GE(given.dot(asked), 0.0);
+      ASSERT_LE(given.norm(), requested.norm());
+      ASSERT_LE(given.cross(requested).norm(), 1e-15 * given.norm() * requested.norm());
+      ASSERT_GE(given.dot(requested), 0.0);
       for (int i = 0; i < 3; ++i) {
         ASSERT_LE(std::abs(given[i]), out.f_max_newton[i] * (1.0 + 1e-12));
       }
-      ASSERT_EQ(out.is_clamped, given != asked);
+      ASSERT_EQ(out.is_clamped, given != requested);
       before = given.norm();
     }
   }

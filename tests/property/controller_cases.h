@@ -232,7 +232,7 @@ class ClosedLoop {
             .acting_force_on_hand_newton = force_newton_,
             .acting_lease_s =
                 lease_left_s_ > 0.0 ? lease_left_s_ : std::numeric_limits<double>::infinity(),
-            .asked_force_on_hand_newton = is_attack_ ? Vector3(100.0 * ask) : ask};
+            .requested_force_on_hand_newton = is_attack_ ? Vector3(100.0 * ask) : ask};
         const ControlOutput output = controller.step(input);
         check(input, output);
         has_gap = false;
@@ -370,7 +370,7 @@ class RandomClaims final : public ForceController {
   void reset() noexcept override { inner_.reset(); }
   ControlOutput step(const ControlInput& honest) noexcept override {
     ControlInput input = honest;
-    input.is_asked_fresh = random_.chance(0.5);
+    input.is_request_fresh = random_.chance(0.5);
     input.stored_energy_joule = random_.chance(0.8) ? 1e3 : random_.uniform(-1.0, 1.0);
     stored_joule = input.stored_energy_joule;
     return inner_.step(input);
@@ -422,13 +422,13 @@ struct GuardCase : Case {
 
 /// An isotropic clamp keeps the direction of the requested force, raises nothing, and says so.
 inline void expect_reduced_or_kept(const ControlInput& in, const ControlOutput& out) {
-  const Vector3& asked = in.asked_force_on_hand_newton;
+  const Vector3& requested = in.requested_force_on_hand_newton;
   const Vector3& given = out.force_on_hand_newton;
-  ASSERT_LE(given.norm(), asked.norm());
+  ASSERT_LE(given.norm(), requested.norm());
   ASSERT_LE(given.norm(), out.f_max_newton.x() * (1.0 + 1e-15));
-  ASSERT_LE(given.cross(asked).norm(), 1e-15 * given.norm() * asked.norm());
-  ASSERT_GE(given.dot(asked), 0.0);
-  ASSERT_EQ(out.is_clamped, given != asked);
+  ASSERT_LE(given.cross(requested).norm(), 1e-15 * given.norm() * requested.norm());
+  ASSERT_GE(given.dot(requested), 0.0);
+  ASSERT_EQ(out.is_clamped, given != requested);
 }
 
 /// Makes the friction of a case act per axis; what the controller assumes is at or below it.

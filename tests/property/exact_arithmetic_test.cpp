@@ -263,7 +263,7 @@ TEST(ExactArithmetic, WhatClampAndMonitorGrantIsCovered) {
     const double v_max = random.chance(0.2) ? std::ldexp(1.0, -10) : random.uniform(0.1, 2.0);
     const Vector3 hand = random.uniform(0.0, 0.1) * random.direction();
     const Vector3 acting = random.uniform(0.0, 2.0 * f_co + 0.2) * random.direction();
-    const Vector3 asked = magnitude(random) * random.direction();
+    const Vector3 requested = magnitude(random) * random.direction();
     const double acting_s = random.uniform(0.0, 0.002);
     const auto is_covered = [&](double lease_s, const Vector3& force, double delta_s, double joule,
                                 double passes_joule) {
@@ -290,12 +290,12 @@ TEST(ExactArithmetic, WhatClampAndMonitorGrantIsCovered) {
     input.hand_position_m = hand;
     input.acting_force_on_hand_newton = acting;
     input.acting_lease_s = acting_s;
-    input.asked_force_on_hand_newton = asked;
+    input.requested_force_on_hand_newton = requested;
     const ControlOutput output = pool.grant(input);
     granted += output.force_on_hand_newton.norm() > f_co ? 1 : 0;
     EXPECT_TRUE(is_covered(output.lease_s, output.force_on_hand_newton, std::min(acting_s, kReplyS),
                            output.ledger_energy_joule, 0.0))
-        << "run " << run << ", asked " << asked.norm() << " N";
+        << "run " << run << ", requested " << requested.norm() << " N";
 
     DeviceConfig config;
     config.profile = {
@@ -309,7 +309,7 @@ TEST(ExactArithmetic, WhatClampAndMonitorGrantIsCovered) {
     const Duration acting_lease = from_seconds(acting_s);
     monitor.switched(now, hand, acting, acting_lease);
     monitor.read(now, hand);
-    const auto passed = monitor.cover(asked, std::chrono::milliseconds(10));
+    const auto passed = monitor.cover(requested, std::chrono::milliseconds(10));
     const double lease_s = to_seconds(passed.lease);
     // 1 nJ and the drain of 1 ns pass
     const double passes_joule = 1e-9 + 1e-9 * static_cast<double>(exact_drain_watt(
@@ -318,7 +318,7 @@ TEST(ExactArithmetic, WhatClampAndMonitorGrantIsCovered) {
     EXPECT_TRUE(is_covered(lease_s, passed.force_on_hand_newton,
                            std::min(to_seconds(acting_lease), kReplyS), monitor.joule(),
                            passes_joule))
-        << "run " << run << ", asked " << asked.norm() << " N";
+        << "run " << run << ", requested " << requested.norm() << " N";
   }
   EXPECT_GT(granted, 100);
   EXPECT_GT(covered, 100);

@@ -132,20 +132,20 @@ TEST(MonitorLaws, WhatIsLeftOfACommandIsCoveredAndNoSmallerThanItMust) {
       if (random.chance(0.05)) velocity = random.uniform(0.0, 0.4) * random.direction();
       hand += 1e-3 * velocity;
       monitor.read(now, quantised(hand, q));
-      const Vector3 asked = random.uniform(0.0, 20.0) * random.direction();
-      const Duration asked_lease = std::chrono::microseconds(random.below(20000) + 1);
-      const ForceMonitor::Covered covered = monitor.cover(asked, asked_lease);
+      const Vector3 requested = random.uniform(0.0, 20.0) * random.direction();
+      const Duration requested_lease = std::chrono::microseconds(random.below(20000) + 1);
+      const ForceMonitor::Covered covered = monitor.cover(requested, requested_lease);
       const Vector3& F = covered.force_on_hand_newton;
       const double drain = worst_hand.drain_watt(F);
 
-      EXPECT_LE(covered.lease, asked_lease);
-      EXPECT_GE(covered.lease, std::min(asked_lease, config.lease));
-      EXPECT_LE(F.norm(), asked.norm() * (1.0 + 1e-12));
+      EXPECT_LE(covered.lease, requested_lease);
+      EXPECT_GE(covered.lease, std::min(requested_lease, config.lease));
+      EXPECT_LE(F.norm(), requested.norm() * (1.0 + 1e-12));
       if (drain > 0.0) {
         EXPECT_LE(to_seconds(covered.lease) * drain,
                   std::max(0.0, monitor.joule()) * (1.0 + 1e-9) + 1e-9 * (1.0 + drain));
       }
-      if (covered.is_reduced && F.norm() < 0.99 * asked.norm()) {
+      if (covered.is_reduced && F.norm() < 0.99 * requested.norm()) {
         ++reduced;
         const double more = to_seconds(covered.lease) * worst_hand.drain_watt(1.001 * F);
         EXPECT_TRUE(more == 0.0 || more > to_seconds(covered.lease) * drain);
@@ -201,10 +201,10 @@ TEST(MonitorLaws, WhatItCountsIsNeverMoreThanTheEnergyAndNeverLessThanTheLedger)
       ASSERT_GE(energy, -2e-8) << "step " << k;
       floors += monitor.joule() > ledger.energy_joule() + 1e-9 ? 1 : 0;
       // a command in every tick: no lease runs out
-      Vector3 asked = F;
-      if (random.chance(0.2)) asked = random.uniform(0.0, 5.0) * random.direction();
-      if (random.chance(0.2)) asked.setZero();
-      const ForceMonitor::Covered covered = monitor.cover(asked, config.lease);
+      Vector3 requested = F;
+      if (random.chance(0.2)) requested = random.uniform(0.0, 5.0) * random.direction();
+      if (random.chance(0.2)) requested.setZero();
+      const ForceMonitor::Covered covered = monitor.cover(requested, config.lease);
       F = covered.force_on_hand_newton;
       monitor.switched(now, quantised(hand, q), F, covered.lease);
     }

@@ -39,13 +39,13 @@ TEST(OutputLaws, PaperModeReducesEachAxisOrKeepsIt) {
     std::uint64_t clamped = 0;
     loop.run(controller, 1500, [&](const ControlInput& in, const ControlOutput& out) {
       for (int i = 0; i < 3; ++i) {
-        const double asked = in.asked_force_on_hand_newton[i];
+        const double requested = in.requested_force_on_hand_newton[i];
         const double given = out.force_on_hand_newton[i];
-        ASSERT_LE(std::abs(given), std::abs(asked));
+        ASSERT_LE(std::abs(given), std::abs(requested));
         ASSERT_LE(std::abs(given), out.f_max_newton[i]);
-        ASSERT_GE(given * asked, 0.0);
+        ASSERT_GE(given * requested, 0.0);
       }
-      ASSERT_EQ(out.is_clamped, out.force_on_hand_newton != in.asked_force_on_hand_newton);
+      ASSERT_EQ(out.is_clamped, out.force_on_hand_newton != in.requested_force_on_hand_newton);
       if (out.is_clamped) ++clamped;
     });
     EXPECT_GT(clamped, 0u);
@@ -109,14 +109,14 @@ TEST(OutputLaws, FiniteInputOfAnySizeNeverGivesAForceThatIsNotANumberOrMoreThanR
                                  .has_gap = c.random.chance(0.05),
                                  .acting_force_on_hand_newton = any(),
                                  .acting_lease_s = c.random.chance(0.5) ? 0.0 : any().norm(),
-                                 .asked_force_on_hand_newton = any()};
+                                 .requested_force_on_hand_newton = any()};
         const ControlOutput output = controller->step(input);
         const Vector3 F = output.force_on_hand_newton;
         ASSERT_TRUE(F.allFinite());
         ASSERT_TRUE(output.lease_s == 0.0 ||
                     (output.lease_s >= c.assumed.T && output.lease_s <= c.longest_lease_s));
         for (int i = 0; i < 3; ++i) {
-          ASSERT_LE(std::abs(F[i]), std::abs(input.asked_force_on_hand_newton[i]));
+          ASSERT_LE(std::abs(F[i]), std::abs(input.requested_force_on_hand_newton[i]));
         }
         if (c.random.chance(0.02)) controller->reset();
       }

@@ -75,7 +75,7 @@ TEST(PaperMofcLaws, AlongTheDiagonalEnergyIsDrawnWithoutEnd) {
     for (int k = 0; k < 1000; ++k) {
       const ControlOutput out = paper.step({.hand_position_m = hand.position_m,
                                             .applied = echo,
-                                            .asked_force_on_hand_newton = {0.1, 0.1, 0.1}});
+                                            .requested_force_on_hand_newton = {0.1, 0.1, 0.1}});
       const Vector3 F = out.force_on_hand_newton;
       hand.move(p.T, hand.most_draining_velocity(F), F);
       echo = {{p.T, F, hand.position_m, true}};
@@ -100,7 +100,7 @@ std::vector<Vector3> forces_in_frame(ForceController& controller, std::uint64_t 
     if (random.chance(0.05)) direction = random.direction();
     const Vector3 ask = random.uniform(0.0, 3.0) * random.direction();
     const ControlOutput out = controller.step(
-        {.hand_position_m = R * x, .applied = echo, .asked_force_on_hand_newton = R * ask});
+        {.hand_position_m = R * x, .applied = echo, .requested_force_on_hand_newton = R * ask});
     forces.push_back(R.transpose() * out.force_on_hand_newton);
     x += random.uniform(0.0, 0.2) * T * direction;
     echo = {{T, out.force_on_hand_newton, R * x, true}};

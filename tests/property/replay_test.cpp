@@ -45,7 +45,7 @@ controllers::GuardMofc clamp_of(const DeviceConfig& config) {
 /// What reached the loop in one tick.
 struct Heard {
   Vector3 position_m = Vector3::Zero();
-  Vector3 asked_newton = Vector3::Zero();
+  Vector3 requested_newton = Vector3::Zero();
   Duration skew{};
   bool is_answered = true;
 };
@@ -81,7 +81,7 @@ struct Loop {
     input.acting_force_on_hand_newton = acting_newton;
     input.acting_lease_s = to_seconds(acting_until - at);
     input.energy_limit_joule = monitor.coverable_joule();
-    input.asked_force_on_hand_newton = heard.asked_newton;
+    input.requested_force_on_hand_newton = heard.requested_newton;
     const controllers::ControlOutput clamped = clamp.step(input);
     GuardedForce out = guard.missed(at, at + 1ms);
     if (heard.is_answered) {
@@ -118,7 +118,7 @@ std::vector<Heard> heard_by(std::uint64_t seed) {
     if (random.chance(0.05)) velocity = random.uniform(0.0, 0.3) * random.direction();
     hand += 1e-3 * velocity;
     heard = {.position_m = (hand / q).array().round() * q,
-             .asked_newton = random.uniform(0.0, 3.3) * random.direction(),
+             .requested_newton = random.uniform(0.0, 3.3) * random.direction(),
              .skew = random.chance(0.5) ? Duration{} : Duration(200us),
              .is_answered = random.chance(0.9)};
   }

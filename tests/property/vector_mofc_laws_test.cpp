@@ -40,7 +40,7 @@ TEST(VectorMofcLaws, EveryForceLeavesTheEnergyItMayCost) {
       ControlInput input;
       input.hand_position_m = x;
       if (k > 0) input.applied = {&stretch, 1};
-      input.asked_force_on_hand_newton = random.uniform(0, 3) * random.direction();
+      input.requested_force_on_hand_newton = random.uniform(0, 3) * random.direction();
       const ControlOutput out = controller.step(input);
       F = out.force_on_hand_newton;
       const double cost_joule = F.squaredNorm() * T / (4.0 * f_d);

@@ -12,8 +12,9 @@ import numpy as np
 
 import palpate
 from palpate.v1.scene_pb2 import TissueSurface
+from machine import QuietMachine
 from support import (
-    BIN, DEADLINE_S, EXAMPLE, PATIENT, RESTING, QuietMachine, TestCase, force_z_until, is_limp, recorded, rests, until,
+    BIN, DEADLINE_S, EXAMPLE, PATIENT, RESTING, TestCase, force_z_until, is_limp, recorded, rests, until,
 )
 
 

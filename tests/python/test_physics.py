@@ -20,7 +20,8 @@ import zmq
 import palpate
 from palpate.v1 import interaction_pb2, tool_motion_pb2
 from palpate.wire import Kind, decode, encode, subscription
-from support import BIN, DEADLINE_S, EXAMPLE, TestCase, measure_slowness, until
+from machine import measure_slowness
+from support import BIN, DEADLINE_S, EXAMPLE, TestCase, until
 
 
 class Mofc:

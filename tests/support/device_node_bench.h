@@ -50,8 +50,10 @@ class DeviceNodeBench {
   }
   /// @param of_device  of a ScriptedDevice: false for one that needs an acknowledgement
   template <class Argument>
-  DeviceNodeBench(const DeviceConfig& config, const Argument& of_device)
-      : device(clock, of_device), node(make(config)) {
+  DeviceNodeBench(const DeviceConfig& config, const Argument& of_device,
+                  device::Journal* journal = nullptr)
+      : device(clock, of_device), node(make(config, journal)) {
+    device.tap(journal);
     wire();
   }
   DeviceNodeBench(const DeviceConfig& config, const SimulatedDeviceConfig& simulated,
@@ -129,9 +131,9 @@ class DeviceNodeBench {
     DeviceNodeBench& bench;
   };
 
-  device::DeviceNode make(const DeviceConfig& config) {
+  device::DeviceNode make(const DeviceConfig& config, device::Journal* journal = nullptr) {
     return device::DeviceNode(config, device, clock, state_out_, inbox_, sink_, kSession,
-                              &true_state_);
+                              &true_state_, journal);
   }
   void wire() {
     commands_.on_wait = [this](TimePoint deadline) {

@@ -228,7 +228,7 @@ inline void randomise(MofcTick& r, Random& random) {
   r.device_session_id = random.bits();
   r.device_sequence = random.bits();
   r.device_sampled_at = random_time(random);
-  r.asked_force_on_hand_newton = random_vector(random, 10.0);
+  r.requested_force_on_hand_newton = random_vector(random, 10.0);
   r.commanded_force_on_hand_newton = random_vector(random, 10.0);
   if (random.chance(0.5)) {  // a controller: otherwise NaN
     r.f_max_newton = random_vector(random, 10.0);
@@ -326,8 +326,15 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_solves_failed = random.bits();
   c.elastic_steps_skipped = random.bits();
   c.elastic_residual_ratio = random.uniform(0.0, 1.0);
-  c.elastic_error_newton = random.uniform(0.0, 10.0);
-  c.elastic_bound_newton = random.uniform(0.0, 10.0);
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  c.elastic_error_newton = random.chance(0.3) ? unknown : random.uniform(0.0, 10.0);
+  c.elastic_bound_newton = random.chance(0.3) ? unknown : random.uniform(0.0, 10.0);
+  c.elastic_bound_violations = random.bits();
+  c.elastic_bounds_checked = random.bits();
+  c.elastic_contact_steps = random.bits();
+  c.elastic_unknown_bound_steps = random.bits();
+  c.elastic_tips_appeared = random.bits();
+  c.elastic_solves_repaired = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -642,7 +649,8 @@ inline bool same(const ElasticNews& a, const ElasticNews& b) {
   const ElasticState& t = b.state;
   return s.patch == t.patch && s.tissue == t.tissue && s.number == t.number &&
          s.tip_radius_m == t.tip_radius_m && same(s.center_m, t.center_m) &&
-         same(s.other_newton, t.other_newton) && s.friction_coefficient == t.friction_coefficient &&
+         same(s.force_outside_patch_newton, t.force_outside_patch_newton) &&
+         s.friction_coefficient == t.friction_coefficient &&
          s.friction_stiffness_newton_per_m == t.friction_stiffness_newton_per_m &&
          s.has_rest == t.has_rest && s.compliance_ratio == t.compliance_ratio &&
          same(s.normal, t.normal) && same(s.from_m, t.from_m) && same(s.to_m, t.to_m) &&
@@ -685,7 +693,7 @@ inline bool same(const DeviceTick& a, const DeviceTick& b) {
 inline bool same(const MofcTick& a, const MofcTick& b) {
   return a.device_session_id == b.device_session_id && a.device_sequence == b.device_sequence &&
          a.device_sampled_at == b.device_sampled_at &&
-         same(a.asked_force_on_hand_newton, b.asked_force_on_hand_newton) &&
+         same(a.requested_force_on_hand_newton, b.requested_force_on_hand_newton) &&
          same(a.commanded_force_on_hand_newton, b.commanded_force_on_hand_newton) &&
          same(a.f_max_newton, b.f_max_newton) &&
          same(a.ledger_energy_joule, b.ledger_energy_joule) && a.force_age == b.force_age &&
@@ -751,6 +759,12 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          same(a.elastic_residual_ratio, b.elastic_residual_ratio) &&
          same(a.elastic_error_newton, b.elastic_error_newton) &&
          same(a.elastic_bound_newton, b.elastic_bound_newton) &&
+         a.elastic_bound_violations == b.elastic_bound_violations &&
+         a.elastic_bounds_checked == b.elastic_bounds_checked &&
+         a.elastic_contact_steps == b.elastic_contact_steps &&
+         a.elastic_unknown_bound_steps == b.elastic_unknown_bound_steps &&
+         a.elastic_tips_appeared == b.elastic_tips_appeared &&
+         a.elastic_solves_repaired == b.elastic_solves_repaired &&
          a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {

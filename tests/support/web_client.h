@@ -5,11 +5,14 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -23,8 +26,19 @@ class WebClient {
  public:
   static constexpr auto kAmple = std::chrono::seconds(10);  ///< on an idle machine, for any answer
 
-  explicit WebClient(std::uint16_t port, std::uint32_t host = INADDR_LOOPBACK)
+  enum class Link { kLoopback, kSlow };
+
+  /// @param link  kSlow: segments as on Ethernet and little room for what was not read, so that the
+  ///              server's kernel takes no more at once than for a client at the end of a slow line
+  explicit WebClient(std::uint16_t port, std::uint32_t host = INADDR_LOOPBACK,
+                     Link link = Link::kLoopback)
       : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    if (link == Link::kSlow) {
+      const int segment_bytes = 1460;
+      const int room_bytes = 4096;
+      setsockopt(socket_, IPPROTO_TCP, TCP_MAXSEG, &segment_bytes, sizeof(segment_bytes));
+      setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &room_bytes, sizeof(room_bytes));
+    }
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(host);
@@ -61,6 +75,14 @@ class WebClient {
     while (read_more()) {
     }
     return std::exchange(received_, {});
+  }
+  /// At most so many bytes; fewer when the server closes or at the deadline.
+  std::string read(std::size_t bytes) {
+    while (received_.size() < bytes && read_more(bytes - received_.size())) {
+    }
+    std::string read = received_.substr(0, bytes);
+    received_.erase(0, read.size());
+    return read;
   }
   /// Head of an HTTP answer with its blank line; "" if the connection ends first.
   std::string read_head() {
@@ -159,11 +181,13 @@ class WebClient {
   }
 
  private:
-  bool read_more() {
+  static constexpr std::size_t kReadBytes = 65536;
+
+  bool read_more(std::size_t most_bytes = kReadBytes) {
     pollfd descriptor{.fd = socket_, .events = POLLIN, .revents = 0};
     if (poll(&descriptor, 1, static_cast<int>(patience(kAmple).count())) <= 0) return false;
-    char buffer[65536];
-    const ssize_t n = recv(socket_, buffer, sizeof(buffer), 0);
+    char buffer[kReadBytes];
+    const ssize_t n = recv(socket_, buffer, std::min(most_bytes, kReadBytes), 0);
     if (n <= 0) return false;
     received_.append(buffer, static_cast<std::size_t>(n));
     return true;

@@ -46,7 +46,7 @@ class Nodes {
     const nodes = await Nodes.none([], session);
     const file = join(nodes.folder, `${session}.mcap`);
     await once(nodes.spawn("palpate", ["loopback", nodes.session, "-q", "--seconds", String(seconds), "--set", "hand.pointer={}", "--record", file], "loopback"), "exit");
-    nodes.spawn("palpate", ["replay", file], "replay");
+    nodes.spawn("palpate", ["replay", file, "--no-viewer"], "replay");
     nodes.run("viewer");
     await nodes.serves();
     return nodes;
@@ -153,7 +153,7 @@ async function discard_common() {
 test_on_default("the scripted hand is shown: tissue, forces, energy, ticks; the console is silent", async (page) => {
   assert.deepEqual((await status(page)).scene.tissues.map(({ name }) => name), ["block", "inclusion"]);
   // the path presses about every 1.4 s
-  await until(page, (t) => t.scene.tissues[0].displacement_m > 0.001 && t.asked_newton > 0.1, "a press");
+  await until(page, (t) => t.scene.tissues[0].displacement_m > 0.001 && t.requested_newton > 0.1, "a press");
   const pressed = await picture(page);
   await until(page, (t) => t.state.id === "free", "free motion");
   await until_pixels_change(page, pressed, 125, "from the press to free motion");

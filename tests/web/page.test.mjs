@@ -612,14 +612,14 @@ page_test("See inside shows the tool within tissue, and the view turns about the
 
 page_test("without physics no words deny the force that is still requested", {}, async (page) => {
   await rest_tool_at(page, -0.004);
-  await until(page, (t) => t.asked_newton > 1, "a force");
+  await until(page, (t) => t.requested_newton > 1, "a force");
   server.world.alive.physics = false;
   await until(page, (t) => t.state.id === "no_physics", "the loss of physics");
-  const shown = await until(page, (t) => t.state.id === "no_physics" && t.asked_newton < 0.005, "the end of the request");
+  const shown = await until(page, (t) => t.state.id === "no_physics" && t.requested_newton < 0.005, "the end of the request");
   assert.match(shown.state.detail, /no force is requested/);
-  await until_text(page, "force-asked", /^0\.00$/);
+  await until_text(page, "force-requested", /^0\.00$/);
   server.world.alive.mofc = false; // nothing is known of its request
-  await until_text(page, "force-asked", /^–$/);
+  await until_text(page, "force-requested", /^–$/);
 });
 
 for (const dark of [false, true]) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <initializer_list>
+#include <unordered_map>
 
 namespace palpate::viewer {
 namespace {
@@ -74,9 +75,8 @@ class Page {
 
   Metric& metric_of(const std::string& name, const char* type, const char* help) {
     const std::string full = "palpate_" + name;
-    const auto known = std::find_if(metrics_.begin(), metrics_.end(),
-                                    [&](const Metric& metric) { return metric.name == full; });
-    if (known != metrics_.end()) return *known;
+    const auto [known, is_new] = place_of_.emplace(full, metrics_.size());
+    if (!is_new) return metrics_[known->second];
     return metrics_.emplace_back(
         Metric{.name = full,
                .head = "# HELP " + full + " " + help + "\n# TYPE " + full + " " + type + "\n",
@@ -88,7 +88,8 @@ class Page {
   }
 
   std::string side_;
-  std::vector<Metric> metrics_;  // in order of first use
+  std::vector<Metric> metrics_;                            // in order of first use
+  std::unordered_map<std::string, std::size_t> place_of_;  // there, by name
 };
 
 void add_node(Page& page, const char* node, const NodeLink& link, TimePoint now) {
@@ -242,17 +243,31 @@ void add_physics(Page& page, const PhysicsCounters& c) {
                {{label("result", "made"), c.elastic_solves},
                 {label("result", "skipped"), c.elastic_solves_skipped},
                 {label("result", "late"), c.elastic_solves_late},
-                {label("result", "failed"), c.elastic_solves_failed}});
+                {label("result", "failed"), c.elastic_solves_failed},
+                {label("result", "repaired"), c.elastic_solves_repaired}});
+  page.counter("physics_elastic_tips_appeared", "Tools that appeared inside an elastic body.",
+               {{"", c.elastic_tips_appeared}});
   page.counter("physics_elastic_steps_skipped", "Steps out of reach of an elastic body.",
                {{"", c.elastic_steps_skipped}});
   page.gauge("physics_elastic_residual_ratio",
              "Unbalanced force of the last full solution over all its forces.", "",
              c.elastic_residual_ratio);
   page.gauge("physics_elastic_error_newton",
-             "Measured error of the condensed model at the last full solution in contact.", "",
-             c.elastic_error_newton);
+             "Measured error of the condensed model at the last full solution in contact; NaN: "
+             "unknown.",
+             "", c.elastic_error_newton);
   page.gauge("physics_elastic_bound_newton",
-             "Stated bound of that error at the last step in contact.", "", c.elastic_bound_newton);
+             "Stated bound of that error at the last step in contact; NaN: unknown.", "",
+             c.elastic_bound_newton);
+  page.counter("physics_elastic_bounds",
+               "Measured errors for whose place a bound was stated, by the result.",
+               {{label("result", "kept"), c.elastic_bounds_checked - c.elastic_bound_violations},
+                {label("result", "exceeded"), c.elastic_bound_violations}});
+  page.counter(
+      "physics_elastic_contact_steps",
+      "Steps in contact with an elastic body, by whether the error of its force is bounded.",
+      {{label("bound", "known"), c.elastic_contact_steps - c.elastic_unknown_bound_steps},
+       {label("bound", "unknown"), c.elastic_unknown_bound_steps}});
   page.gauge("physics_worst_compute_time_seconds", "Longest step since the start.", "",
              to_seconds(c.worst_compute_time));
 }

@@ -79,7 +79,7 @@ std::string status_line(const TelemetryMirror& mirror, TimePoint now, std::size_
   } else {
     add(is_answered && has_mofc ? name(figures.mofc_state) : name(figures.guard));
   }
-  add("|F| " + fixed(figures.applied_newton, 2) + "/" + fixed(figures.asked_newton, 2) + " N");
+  add("|F| " + fixed(figures.applied_newton, 2) + "/" + fixed(figures.requested_newton, 2) + " N");
   if (has_mofc) {
     add("clamp " + percent(figures.clamped_ratio, 0));
     const bool knows_truth = std::isfinite(figures.true_energy_joule);

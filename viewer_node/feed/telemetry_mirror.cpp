@@ -190,7 +190,7 @@ TelemetryFigures TelemetryMirror::figures() const {
       if (device.is_answered) reply_time.push_back(device.reply_time);
       figures.max_applied_newton =
           std::fmax(device.force_on_hand_newton.norm(), figures.max_applied_newton);
-      if (std::isnan(figures.asked_newton)) {
+      if (std::isnan(figures.requested_newton)) {
         figures.applied_newton = device.force_on_hand_newton.norm();
       }
       figures.true_energy_joule = device.true_energy_joule;
@@ -203,17 +203,17 @@ TelemetryFigures TelemetryMirror::figures() const {
       if (mofc.state != MofcState::kNoPhysics && mofc.state != MofcState::kClutched) {
         force_age.push_back(mofc.force_age);
       }
-      figures.max_asked_newton =
-          std::fmax(mofc.asked_force_on_hand_newton.norm(), figures.max_asked_newton);
+      figures.max_requested_newton =
+          std::fmax(mofc.requested_force_on_hand_newton.norm(), figures.max_requested_newton);
       figures.ledger_energy_joule = mofc.ledger_energy_joule;
       figures.mofc_state = mofc.state;
       figures.is_in_contact = mofc.is_in_contact;
     }
     if (tick.device) requests.add(*tick.device, tick.mofc);
     if (tick.device && tick.mofc) {
-      const Vector3& asked_newton = tick.mofc->asked_force_on_hand_newton;
+      const Vector3& requested_newton = tick.mofc->requested_force_on_hand_newton;
       const Vector3& applied_newton = tick.device->force_on_hand_newton;
-      figures.asked_newton = asked_newton.norm();
+      figures.requested_newton = requested_newton.norm();
       figures.applied_newton = applied_newton.norm();
     }
   }

@@ -53,9 +53,9 @@ struct TelemetryFigures {
   double answered_ratio = kNaN;              ///< of scheduled ticks: answered / (begun + skipped)
   double answered_ratio_since_start = kNaN;  ///< the same over the device's whole session
 
-  double asked_newton = kNaN;    ///< |requested force| in the newest tick with both halves
-  double applied_newton = kNaN;  ///< |rendered force| in that tick; without one, in the newest
-  double max_asked_newton = kNaN;
+  double requested_newton = kNaN;  ///< |requested force| in the newest tick with both halves
+  double applied_newton = kNaN;    ///< |rendered force| in that tick; without one, in the newest
+  double max_requested_newton = kNaN;
   double max_applied_newton = kNaN;
   double clamped_ratio = kNaN;  ///< of the ticks answered by mofc
   double transparency = kNaN;   ///< projected, capped; rendered against requested

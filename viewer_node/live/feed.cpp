@@ -50,6 +50,7 @@ std::vector<std::string> changes_between(const SceneState& before, const SceneSt
 WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
                  TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors)
     : context_(context),
+      sides_(context.session),
       server_((check_control(context.session, options),
                web_config(options, context.session.viewer.web)),
               description_of(context, links, options.audience > 0)),
@@ -92,18 +93,15 @@ void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> p
 
 template <class Batch>
 void WebFeed::take_batch(const Batch& batch, WebChannel kind, std::span<const std::byte> payload) {
-  const std::vector<Side>& sides = context_.session.sides;
-  const auto side = std::find_if(sides.begin(), sides.end(),
-                                 [&](const Side& known) { return known.name == batch.side; });
-  if (side == sides.end()) return;
-  const auto index = static_cast<std::size_t>(side - sides.begin());
-  health_.note(index, batch);
-  log_.note(index, batch, context_.clock.now());
+  const auto side = sides_.of(batch.side);
+  if (!side) return;
+  health_.note(*side, batch);
+  log_.note(*side, batch, context_.clock.now());
   if (thinned_) {
-    thinned_->take(index, batch);
+    thinned_->take(*side, batch);
     return;
   }
-  const std::size_t channel = index_of(kind, index);
+  const std::size_t channel = index_of(kind, *side);
   if (!server_.has_subscriber(channel)) return;
   server_.publish(channel, wall_clock_ns(),
                   make_payload({reinterpret_cast<const char*>(payload.data()), payload.size()}));

@@ -19,6 +19,7 @@
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 #include "viewer_node/audience/thinned_telemetry.h"
+#include "viewer_node/feed/side_index.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/live/channels.h"
 #include "viewer_node/live/foxglove.h"
@@ -53,6 +54,7 @@ class WebFeed {
   void handle(const WebServer::Event& event, TimePoint now);
 
   NodeContext& context_;
+  SideIndex sides_;
   WebServer server_;
   WebLog log_;
   WebScene scene_;

@@ -69,7 +69,7 @@ void WebFoxglove::publish_tool(std::size_t side, std::uint64_t at_ns) {
   if (newest.device == nullptr) return;
   const DeviceTick& device = *newest.device->device;
   const Vector3 requested_newton = newest.joined != nullptr
-                                       ? newest.joined->mofc->asked_force_on_hand_newton
+                                       ? newest.joined->mofc->requested_force_on_hand_newton
                                        : Vector3(Vector3::Zero());
   static const SceneState kUnknownScene;
   const SceneState& scene = scene_.mirror().scene() ? *scene_.mirror().scene() : kUnknownScene;

@@ -27,6 +27,7 @@ WebScene::WebScene(TelemetrySubscriber& subscriber, WebServer& server, Duration 
 bool WebScene::take(const SceneState& scene, std::span<const std::byte> payload) {
   const bool is_first = !mirror_.scene().has_value();
   if (!mirror_.take(scene)) return false;
+  whole_of_.reset();
   scene_payload_ = copy_of(payload);
   server_.publish(index_of(WebChannel::kScene), wall_clock_ns(), scene_payload_);
   return !is_first;
@@ -47,17 +48,22 @@ void WebScene::send_scene_to(std::uint64_t client) {
 }
 
 void WebScene::send_meshes_to(std::uint64_t client) {
-  if (audience_interval_ > Duration::zero()) {
-    if (!mirror_.scene()) return;
-    const MeshSteps steps =
-        mesh_steps(*mirror_.scene(), mirror_.whole_frames(), kDetailSteps_m.front());
-    server_.send_to(client, index_of(WebChannel::kMesh), wall_clock_ns(),
-                    make_payload(encode_mesh_steps(steps)));
-    return;
+  if (!mirror_.scene()) return;
+  if (whole_of_ != frame_count_) {
+    whole_of_ = frame_count_;
+    whole_.clear();
+    const std::vector<MeshFrame> frames = mirror_.whole_frames();
+    if (audience_interval_ > Duration::zero()) {
+      whole_.push_back(make_payload(
+          encode_mesh_steps(mesh_steps(*mirror_.scene(), frames, kDetailSteps_m.front()))));
+    } else {
+      for (const MeshFrame& frame : frames) {
+        whole_.push_back(make_payload(payload_of(mesh_codec_, frame)));
+      }
+    }
   }
-  for (const MeshFrame& frame : mirror_.whole_frames()) {
-    server_.send_to(client, index_of(WebChannel::kMesh), wall_clock_ns(),
-                    make_payload(payload_of(mesh_codec_, frame)));
+  for (const Payload& payload : whole_) {
+    server_.send_to(client, index_of(WebChannel::kMesh), wall_clock_ns(), payload);
   }
 }
 
@@ -86,6 +92,7 @@ void WebScene::pump(TimePoint now) {
   is_subscribed_ = is_needed;
   if (is_needed) {
     mirror_.forget_motion();
+    whole_of_.reset();
     subscriber_.subscribe<MeshFrame>();
   } else {
     subscriber_.unsubscribe<MeshFrame>();

@@ -9,7 +9,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <vector>
 
 #include "common/link/telemetry_subscriber.h"
 #include "viewer_node/feed/scene_mirror.h"
@@ -50,6 +52,9 @@ class WebScene {
   std::uint64_t frames_published_ = 0;  // of frame_count_, as MeshSteps
   SceneMirror mirror_;
   Payload scene_payload_;  // null before the first scene
+  /// All tissues that have moved, the same for all who come between two frames.
+  std::vector<Payload> whole_;
+  std::optional<std::uint64_t> whole_of_;  // frame_count_ then; none: not known
   Codec<MeshFrame> mesh_codec_;
   std::uint64_t frame_count_ = 0;
   bool is_subscribed_ = false;  // to MeshFrame

@@ -140,7 +140,7 @@ class FoxgloveExport {
     static const SceneState kUnknownScene;
     const SceneState& scene = scene_.scene() ? *scene_.scene() : kUnknownScene;
     const Vector3 requested_newton =
-        row.mofc ? row.mofc->asked_force_on_hand_newton : Vector3(Vector3::Zero());
+        row.mofc ? row.mofc->requested_force_on_hand_newton : Vector3(Vector3::Zero());
     put(side.first_channel + kTool, at_ns, encode_tool(at_ns, row.device, scene, requested_newton));
     const std::size_t index = (side.first_channel - kShared) / kPerSide;
     put(side.first_channel + kTransforms, at_ns,

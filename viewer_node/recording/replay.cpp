@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/recording/replay.h"
 
-#include <pthread.h>
 #include <signal.h>
 
 #include <algorithm>
@@ -16,6 +15,7 @@
 #include "common/core/clock.h"
 #include "common/link/scene_sender.h"
 #include "common/link/zmq_sender.h"
+#include "common/process/blocked_signals.h"
 #include "common/process/process_links.h"
 #include "common/process/run_host.h"
 #include "common/process/run_node.h"
@@ -33,25 +33,15 @@ constexpr Duration kNoticeAfter = std::chrono::milliseconds(300);
 /// Waits for SIGINT, SIGTERM and SIGHUP. Construct it before any thread, so that all block them.
 class StopSignals {
  public:
-  StopSignals() {
-    sigemptyset(&signals_);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals_, signal);
-    pthread_sigmask(SIG_BLOCK, &signals_, &before_);
-  }
-  ~StopSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  StopSignals(const StopSignals&) = delete;
-  StopSignals& operator=(const StopSignals&) = delete;
-
   /// Waits for at most `wait`; true if a signal arrived.
   [[nodiscard]] bool came_within(Duration wait) const {
     const auto ns = std::max<std::int64_t>(wait.count(), 0);
     const timespec time{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
-    return sigtimedwait(&signals_, nullptr, &time) > 0;
+    return sigtimedwait(&blocked_.set(), nullptr, &time) > 0;
   }
 
  private:
-  sigset_t signals_{};
-  sigset_t before_{};
+  BlockedSignals blocked_{SIGINT, SIGTERM, SIGHUP};
 };
 
 Session session_of(const ReplayOptions& options, const RecordingFile& recording) {
@@ -118,6 +108,9 @@ class Stage {
              return side.second.device.has_subscriber() && side.second.mofc.has_subscriber();
            });
   }
+
+  /// Whether a page shows the scene: viewers take the meshes only while one does.
+  [[nodiscard]] bool has_page() { return physics_.has_subscriber<MeshFrame>(); }
 
   /// Sends scene and meshes to viewers that subscribed since the last call.
   void serve_newcomers() {
@@ -233,6 +226,7 @@ class Replay {
         playhead_(*run_.replay, clock_) {}
 
   void run() {
+    has_own_page_ = options_.start_page && options_.start_page(session_);
     if (!wait_for_viewer()) return;
     seek(options_.start_s);
     for (;;) {
@@ -279,13 +273,16 @@ class Replay {
     const TimePoint deadline =
         options_.wait_s ? clock_.now() + from_seconds(*options_.wait_s) : TimePoint::max();
     bool has_said = false;
-    while (!stage_.has_viewer() && clock_.now() < deadline) {
+    const auto is_seen = [&] { return has_own_page_ ? stage_.has_page() : stage_.has_viewer(); };
+    while (!is_seen() && clock_.now() < deadline) {
       // a viewer that runs already needs two intervals to subscribe
       if (!has_said && clock_.now() - began_ > kNoticeAfter) {
-        std::printf("waiting for a viewer: %s\n(--wait 0 does not wait)\n", viewer.c_str());
+        const std::string what = has_own_page_ ? "the page to be opened" : "a viewer: " + viewer;
+        std::printf("waiting for %s\n(--wait 0 does not wait)\n", what.c_str());
         std::fflush(stdout);
         has_said = true;
       }
+      host_.publish(run_, false);
       if (stop_.came_within(kPollInterval)) return false;
     }
     if (!options_.is_quiet) std::printf("playing\n");
@@ -308,7 +305,7 @@ class Replay {
       has_shown_ = false;
       return true;
     }
-    if (!is_controlled_) return false;
+    if (!is_controlled_ && !(has_own_page_ && stage_.has_page())) return false;
     playhead_.set_paused(true);
     for (;;) {
       const Wait wait = poll(kPollInterval);
@@ -362,6 +359,7 @@ class Replay {
   RunHost host_;
   RunState run_;
   Playhead playhead_;
+  bool has_own_page_ = false;
   bool is_controlled_ = false;  // by a viewer
   bool has_shown_ = false;      // anything in this pass
 };
@@ -370,6 +368,11 @@ class Replay {
 
 void run_replay(const ReplayOptions& options) {
   RecordingFile recording(options.file);
+  if (recording.length_s() <= 0.0) {
+    const std::string damage = recording.damage();
+    throw SetupError("recording " + options.file + ": has nothing to replay" +
+                     (damage.empty() ? "" : "; missing: " + damage));
+  }
   if (options.start_s >= recording.length_s()) {
     char length[32];
     std::snprintf(length, sizeof(length), "%.3f", recording.length_s());

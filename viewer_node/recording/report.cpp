@@ -66,7 +66,7 @@ std::string table(const Run& run) {
   line("recorded by", recording.about("recorded_by") + ", version " + recording.about("version"));
   line("length", fmt::format("{:.3f} s, {} ticks", recording.length_s(), s.ticks()));
   for (const auto& [label, value] :
-       figure_lines(recording.about("controller"), run.report.run.figures)) {
+       figure_lines(recording.about("controller"), run.report.run.mirror, run.report.run.figures)) {
     line(label, value);
   }
   line("transparency, ticks received",

@@ -30,8 +30,8 @@ constexpr Series kIdeal{"ideal", "truth"};
 /// The run, column by column.
 struct Columns {
   std::vector<double> t_s;
-  std::array<std::vector<double>, 3> position_mm, asked_newton, applied_newton, ideal_newton;
-  std::vector<double> asked_norm_newton, applied_norm_newton, ideal_norm_newton, f_max_newton;
+  std::array<std::vector<double>, 3> position_mm, requested_newton, applied_newton, ideal_newton;
+  std::vector<double> requested_norm_newton, applied_norm_newton, ideal_norm_newton, f_max_newton;
   std::vector<double> ledger_millijoule, true_millijoule, transparency;
   std::vector<double> reply_us, lateness_us, force_age_us;
   RequestComparison so_far;
@@ -46,15 +46,15 @@ void Columns::add(const TickRow& row) {
   if (!begin) begin = device.sampled_at;
   t_s.push_back(to_seconds(device.sampled_at - *begin));
   const Vector3 asked =
-      row.mofc ? row.mofc->asked_force_on_hand_newton : Vector3(Vector3::Constant(kNaN));
+      row.mofc ? row.mofc->requested_force_on_hand_newton : Vector3(Vector3::Constant(kNaN));
   for (std::size_t i = 0; i < 3; ++i) {
     const auto axis = static_cast<Eigen::Index>(i);
     position_mm[i].push_back(1e3 * device.measured_tool_position_world_m[axis]);
-    asked_newton[i].push_back(asked[axis]);
+    requested_newton[i].push_back(asked[axis]);
     applied_newton[i].push_back(device.force_on_hand_newton[axis]);
     ideal_newton[i].push_back(row.ideal_force_on_hand_newton[axis]);
   }
-  asked_norm_newton.push_back(asked.norm());
+  requested_norm_newton.push_back(asked.norm());
   applied_norm_newton.push_back(device.force_on_hand_newton.norm());
   ideal_norm_newton.push_back(row.ideal_force_on_hand_newton.norm());
   f_max_newton.push_back(row.mofc ? row.mofc->f_max_newton.minCoeff() : kNaN);
@@ -181,11 +181,11 @@ json figures_of(Columns& c) {
   add("mm", {{{"x", "asked"}, &c.position_mm[0]},
              {{"y", "applied"}, &c.position_mm[1]},
              {{"z", "ledger"}, &c.position_mm[2]}});
-  add("N", {{kRequested, &c.asked_norm_newton},
+  add("N", {{kRequested, &c.requested_norm_newton},
             {kRendered, &c.applied_norm_newton},
             {kIdeal, &c.ideal_norm_newton}});
   for (std::size_t i = 0; i < 3; ++i) {
-    add("N", {{kRequested, &c.asked_newton[i]},
+    add("N", {{kRequested, &c.requested_newton[i]},
               {kRendered, &c.applied_newton[i]},
               {kIdeal, &c.ideal_newton[i]}});
   }

@@ -244,6 +244,7 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["standby_ticks"] = mofc.standby_ticks;
   json["physics_switches"] = mofc.physics_switches;
   json["interactions_suppressed"] = physics.interactions_suppressed;
+  json["elastic"] = elastic_json(physics);
   json["mesh_frames"] = physics.mesh_frames;
   json["meshes_skipped"] = physics.meshes_skipped;
   json["physics_hz"] = number_or_null(figures.physics_hz());
@@ -260,6 +261,7 @@ nlohmann::ordered_json figures_json(const std::string& controller,
 }
 
 std::vector<std::pair<std::string, std::string>> figure_lines(const std::string& controller,
+                                                              const viewer::TelemetryMirror& mirror,
                                                               const RunFigures& figures) {
   const DeviceCounters& device = figures.device;
   const MofcCounters& mofc = figures.mofc;
@@ -285,6 +287,9 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
          fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * figures.minimum_true_energy_joule));
   }
   if (mofc.standby_interaction.sessions > 0) line("physics", speaker_text(mofc));
+  if (std::string elastic = elastic_text(mirror.physics_counters()); !elastic.empty()) {
+    line("elastic tissue", std::move(elastic));
+  }
   if (device.device_faults > 0) {
     line("device fault",
          fmt::format("{}, {} ticks without force", name(device.last_fault), device.fault_ticks));

@@ -76,7 +76,8 @@ struct RunFigures {
                                                   const RunFigures& figures);
 /// The same for people: label and value.
 [[nodiscard]] std::vector<std::pair<std::string, std::string>> figure_lines(
-    const std::string& controller, const RunFigures& figures);
+    const std::string& controller, const viewer::TelemetryMirror& mirror,
+    const RunFigures& figures);
 
 /// One device of a recording.
 struct RecordedRun {

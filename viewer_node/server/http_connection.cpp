@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/server/http_connection.h"
 
+#include <linux/sockios.h>
+#include <sys/ioctl.h>
+
 #include <algorithm>
 #include <boost/beast/websocket.hpp>
 #include <utility>
@@ -27,7 +30,10 @@ beast::string_view as_beast(std::string_view text) { return {text.data(), text.s
 
 HttpConnection::HttpConnection(ServerState& server, CountedConnection counted,
                                asio::ip::tcp::socket&& socket)
-    : server_(server), counted_(std::move(counted)), stream_(std::move(socket)) {}
+    : server_(server),
+      counted_(std::move(counted)),
+      stream_(std::move(socket)),
+      progress_(stream_.get_executor()) {}
 
 HttpConnection::~HttpConnection() { stop_waiting(); }
 
@@ -111,7 +117,7 @@ void HttpConnection::become_client(std::string_view subprotocol) {
     return;
   }
   stream_.expires_never();  // the WebSocket has its own timeouts
-  std::make_shared<SocketClient>(server_, std::move(counted_), std::move(stream_))
+  std::make_shared<SocketClient>(server_, std::move(counted_), std::move(stream_), buffer_)
       ->run(parser_->get(), subprotocol);
 }
 
@@ -157,9 +163,10 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
   response_.body().more = false;
 
   serializer_.emplace(response_);
-  answer_due_ = std::chrono::steady_clock::now() + kWholeAnswerTimeout;
+  stream_.expires_after(kWholeAnswerTimeout);
+  is_answering_ = true;
+  await_progress();
   if (is_head || decision.status == 304) {
-    stream_.expires_after(kAnswerTimeout);
     http::async_write_header(stream_, *serializer_,
                              [self = shared_from_this()](const error_code& error, std::size_t) {
                                self->on_written(error);
@@ -169,11 +176,10 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
   }
 }
 
-/// A slow link gets its answer as long as it takes some of it in time.
 void HttpConnection::write_part() {
-  stream_.expires_at(std::min(answer_due_, std::chrono::steady_clock::now() + kAnswerTimeout));
   http::async_write_some(stream_, *serializer_,
-                         [self = shared_from_this()](const error_code& error, std::size_t) {
+                         [self = shared_from_this()](const error_code& error, std::size_t bytes) {
+                           self->sent_bytes_ += bytes;
                            if (error || self->serializer_->is_done()) {
                              self->on_written(error);
                            } else {
@@ -182,7 +188,30 @@ void HttpConnection::write_part() {
                          });
 }
 
+/// By what the client acknowledges: the next part may be written only once a third of the kernel's
+/// buffer is free, which a slow link does not empty in time.
+void HttpConnection::await_progress() {
+  progress_.expires_after(server_.answer_timeout);
+  progress_.async_wait([weak = weak_from_this(), before = taken_bytes()](const error_code& error) {
+    const auto self = weak.lock();
+    if (error || !self || !self->is_answering_) return;
+    if (self->taken_bytes() == before) {
+      self->stream_.close();  // ends the pending write
+    } else {
+      self->await_progress();
+    }
+  });
+}
+
+std::uint64_t HttpConnection::taken_bytes() {
+  int unacknowledged = 0;
+  if (ioctl(stream_.socket().native_handle(), SIOCOUTQ, &unacknowledged) != 0) return sent_bytes_;
+  return sent_bytes_ - std::min(sent_bytes_, static_cast<std::uint64_t>(unacknowledged));
+}
+
 void HttpConnection::on_written(const error_code& error) {
+  is_answering_ = false;
+  progress_.cancel();
   if (error || !response_.keep_alive()) {
     end();
   } else {

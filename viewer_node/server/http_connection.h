@@ -4,9 +4,10 @@
 #pragma once
 
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
-#include <chrono>
+#include <cstdint>
 #include <list>
 #include <memory>
 #include <optional>
@@ -39,6 +40,10 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void become_client(std::string_view subprotocol);
   void answer(const WebDecision& decision, bool is_malformed);
   void write_part();
+  /// Ends the answer if the client takes none of it in time.
+  void await_progress();
+  /// Bytes of answers that the client's kernel has acknowledged.
+  [[nodiscard]] std::uint64_t taken_bytes();
   void on_written(const boost::system::error_code& error);
   void end();
   void stop_waiting();
@@ -55,7 +60,9 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::string metrics_;  // the body of response_, if it is /metrics or /verdict
   std::optional<boost::beast::http::response_serializer<boost::beast::http::buffer_body>>
       serializer_;
-  std::chrono::steady_clock::time_point answer_due_{};
+  boost::asio::steady_timer progress_;  // while an answer is written
+  bool is_answering_ = false;
+  std::uint64_t sent_bytes_ = 0;  // to the kernel
 };
 
 }  // namespace palpate::viewer

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <boost/asio/ip/address.hpp>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <list>
@@ -26,12 +27,15 @@ class HttpConnection;
 class SocketClient;
 
 struct ServerState {
-  ServerState(WebRules allowed, ServerDescription described, std::size_t audience)
+  ServerState(WebRules allowed, ServerDescription described, std::size_t audience,
+              std::chrono::milliseconds patience)
       : rules(std::move(allowed)),
         description(std::move(described)),
         advertised(make_payload(advertisement(description))),
         most_clients(audience > 0 ? audience : kMaxClients),
         is_audience(audience > 0),
+        answer_timeout(patience),
+        clients_of(description.channels.size()),
         subscribers(description.channels.size()) {}
 
   const WebRules rules;
@@ -39,17 +43,20 @@ struct ServerState {
   const Payload advertised;        ///< the same for every client
   const std::size_t most_clients;  ///< WebSockets
   const bool is_audience;          ///< each client gets the newest, as fast as it reads
+  const std::chrono::milliseconds answer_timeout;
 
   std::size_t connections = 0;                                       ///< HTTP and WebSocket
   std::map<boost::asio::ip::address, std::size_t> connections_of{};  ///< by the peer's address
   std::list<HttpConnection*> waiting{};  ///< for a request; the longest first
   std::size_t sockets = 0;               ///< WebSockets, also those that shake hands
   std::map<std::uint64_t, std::shared_ptr<SocketClient>> clients{};
+  /// Of these, the subscribers by channel.
+  std::vector<std::map<std::uint64_t, SocketClient*>> clients_of;
   std::uint64_t next_client = 1;
   std::string metrics{};  ///< the body of /metrics
   std::string verdict{};  ///< the body of /verdict
 
-  std::vector<std::atomic<std::uint32_t>> subscribers;  ///< by channel
+  std::vector<std::atomic<std::uint32_t>> subscribers;  ///< their number, by channel
   std::atomic<std::uint32_t> client_count{0};
   std::size_t unread_bytes = 0;           ///< that wait for all clients
   std::atomic<std::uint64_t> dropped{0};  ///< messages

@@ -76,11 +76,16 @@ void SocketClient::begin() {
 
 void SocketClient::end() {
   for (std::size_t channel = 0; channel < server_.subscribers.size(); ++channel) {
-    if (protocol_->subscription(channel)) --server_.subscribers[channel];
+    if (protocol_->subscription(channel)) unsubscribe(channel);
   }
   server_.events.add({.kind = ClientEvent::Kind::kLeft, .client = id()});
   server_.clients.erase(id());
   server_.client_count = static_cast<std::uint32_t>(server_.clients.size());
+}
+
+void SocketClient::unsubscribe(std::size_t channel) {
+  server_.clients_of[channel].erase(id());
+  --server_.subscribers[channel];
 }
 
 void SocketClient::read() {
@@ -99,8 +104,9 @@ void SocketClient::read() {
 
 void SocketClient::take(FoxgloveClient::Outcome outcome) {
   for (std::string& reply : outcome.replies) send_text(std::move(reply));
-  for (const std::size_t channel : outcome.unsubscribed) --server_.subscribers[channel];
+  for (const std::size_t channel : outcome.unsubscribed) unsubscribe(channel);
   for (const std::size_t channel : outcome.subscribed) {
+    server_.clients_of[channel].emplace(id(), this);
     ++server_.subscribers[channel];
     server_.events.add(
         {.kind = ClientEvent::Kind::kSubscribed, .client = id(), .channel = channel});

@@ -12,20 +12,43 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "viewer_node/server/send_queue.h"
 #include "viewer_node/server/server_state.h"
 
 namespace palpate::viewer {
 
+/// A connection after its upgrade. What was received behind the request is read first.
+class UpgradedStream : public boost::beast::buffered_read_stream<boost::beast::tcp_stream,
+                                                                 boost::beast::flat_buffer> {
+ public:
+  using buffered_read_stream::buffered_read_stream;
+};
+
+// The WebSocket closes its connection with these, found by the type of the stream.
+inline void teardown(boost::beast::role_type role, UpgradedStream& stream,
+                     boost::system::error_code& error) {
+  using boost::beast::websocket::teardown;
+  teardown(role, stream.next_layer(), error);
+}
+template <class Handler>
+void async_teardown(boost::beast::role_type role, UpgradedStream& stream, Handler&& handler) {
+  using boost::beast::websocket::async_teardown;
+  async_teardown(role, stream.next_layer(), std::forward<Handler>(handler));
+}
+
 class SocketClient : public std::enable_shared_from_this<SocketClient> {
  public:
   using Request = boost::beast::http::request<boost::beast::http::empty_body>;
 
-  /// `server` must outlive it.
-  SocketClient(ServerState& server, CountedConnection counted, boost::beast::tcp_stream&& stream)
+  /// `server` must outlive it. @param received  behind the request
+  SocketClient(ServerState& server, CountedConnection counted, boost::beast::tcp_stream&& stream,
+               const boost::beast::flat_buffer& received)
       : server_(server), counted_(std::move(counted)), socket_(std::move(stream)) {
     ++server_.sockets;
+    boost::beast::flat_buffer& buffer = socket_.next_layer().buffer();
+    buffer.commit(boost::asio::buffer_copy(buffer.prepare(received.size()), received.data()));
   }
   ~SocketClient() {
     --server_.sockets;
@@ -50,6 +73,7 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
   void end();
   void read();
   void take(FoxgloveClient::Outcome outcome);
+  void unsubscribe(std::size_t channel);
   void queue(OutgoingMessage message);
   void write();
   void disconnect();
@@ -59,7 +83,7 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
 
   ServerState& server_;
   CountedConnection counted_;
-  boost::beast::websocket::stream<boost::beast::tcp_stream> socket_;
+  boost::beast::websocket::stream<UpgradedStream> socket_;
   boost::beast::flat_buffer buffer_;
   std::optional<FoxgloveClient> protocol_;  // from begin() on
   SendQueue queue_;

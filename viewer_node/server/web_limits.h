@@ -18,7 +18,7 @@ inline constexpr std::size_t kMaxAudience = 10'000;  ///< WebSockets of an audie
 inline constexpr std::size_t kMaxUnreadBytesOfAll = std::size_t{64} << 20;
 /// For the header of a request.
 inline constexpr auto kHeaderTimeout = std::chrono::seconds(3);
-/// For an upgrade, and for each part of an answer: about the kernel's buffer.
+/// For an upgrade. An answer ends if its client takes none of it for so long.
 inline constexpr auto kAnswerTimeout = std::chrono::seconds(10);
 /// For a whole answer: the page over 20 kbit/s.
 inline constexpr auto kWholeAnswerTimeout = std::chrono::minutes(5);

@@ -27,7 +27,8 @@ namespace asio = boost::asio;
 using boost::system::error_code;
 using tcp = asio::ip::tcp;
 
-constexpr auto kAcceptRetryDelay = std::chrono::milliseconds(100);
+constexpr int kAcceptsPerTurn = 64;
+constexpr auto kAcceptRetryDelay = std::chrono::milliseconds(10);
 
 error_code listen_at(tcp::acceptor& acceptor, const tcp::endpoint& endpoint) {
   error_code error;
@@ -82,6 +83,15 @@ class WebServer::Impl {
 
  private:
   void run();
+  /// Takes those who wait already: one a turn would be few while each turn serves thousands of
+  /// clients. @return whether there may be place for the next
+  bool accept_waiting();
+  /// Whether a newcomer finds a place, or a connection that gives way to it.
+  [[nodiscard]] bool has_place() const { return !is_full() || !state.waiting.empty(); }
+  [[nodiscard]] bool is_full() const {
+    return state.connections >= kMaxConnections - kMaxClients + state.most_clients;
+  }
+  /// Where has_place().
   void welcome(tcp::socket socket);
 
   tcp::acceptor acceptor_{io};
@@ -91,7 +101,7 @@ class WebServer::Impl {
 };
 
 WebServer::Impl::Impl(const WebServerConfig& config, ServerDescription description)
-    : state(config.rules, std::move(description), config.audience) {
+    : state(config.rules, std::move(description), config.audience, config.answer_timeout) {
   if (config.audience > 0) allow_descriptors(config.audience);
   error_code error;
   const asio::ip::address address = asio::ip::make_address(config.address, error);
@@ -128,6 +138,7 @@ WebServer::Impl::Impl(const WebServerConfig& config, ServerDescription descripti
                          ": this machine does not have that address; give one of its own");
   }
   if (error) refuse("cannot listen on this address: " + error.message());
+  acceptor_.non_blocking(true);
   port = acceptor_.local_endpoint().port();
   url = "http://" + host + std::to_string(port) + '/';
 
@@ -154,18 +165,29 @@ void WebServer::Impl::run() {
 }
 
 void WebServer::Impl::accept() {
-  acceptor_.async_accept([this](const error_code& error, tcp::socket socket) {
-    if (error) {
-      // out of file descriptors: retry once connections may have ended
-      retry_.expires_after(kAcceptRetryDelay);
-      retry_.async_wait([this](const error_code& aborted) {
-        if (!aborted) accept();
-      });
+  acceptor_.async_wait(tcp::acceptor::wait_read, [this](const error_code& failure) {
+    if (!failure && accept_waiting()) {
+      accept();
       return;
     }
-    welcome(std::move(socket));
-    accept();
+    // until answers are written or file descriptors free, newcomers wait where the kernel has them
+    retry_.expires_after(kAcceptRetryDelay);
+    retry_.async_wait([this](const error_code& aborted) {
+      if (!aborted) accept();
+    });
   });
+}
+
+bool WebServer::Impl::accept_waiting() {
+  for (int i = 0; i < kAcceptsPerTurn; ++i) {
+    if (!has_place()) return false;
+    error_code error;
+    tcp::socket socket = acceptor_.accept(error);
+    if (error == asio::error::would_block || error == asio::error::connection_aborted) return true;
+    if (error) return false;
+    welcome(std::move(socket));
+  }
+  return true;
 }
 
 void WebServer::Impl::welcome(tcp::socket socket) {
@@ -178,9 +200,8 @@ void WebServer::Impl::welcome(tcp::socket socket) {
     ++state.refused;  // the destructor closes the socket
     return;
   }
-  if (state.connections >= kMaxConnections - kMaxClients + state.most_clients) {
+  if (is_full()) {
     ++state.refused;
-    if (state.waiting.empty()) return;
     state.waiting.front()->give_way();
   }
   std::make_shared<HttpConnection>(state, CountedConnection(state, peer), std::move(socket))
@@ -209,7 +230,7 @@ bool WebServer::has_subscriber(std::size_t channel) const {
 void WebServer::publish(std::size_t channel, std::uint64_t log_time_ns, Payload payload) {
   if (!has_subscriber(channel)) return;
   asio::post(impl_->io, [impl = impl_.get(), channel, log_time_ns, payload = std::move(payload)] {
-    for (const auto& [id, client] : impl->state.clients) {
+    for (const auto& [id, client] : impl->state.clients_of[channel]) {
       client->publish(channel, log_time_ns, payload, true);
     }
   });
@@ -219,7 +240,7 @@ void WebServer::publish(std::size_t channel, std::uint64_t log_time_ns,
                         std::vector<Payload> details) {
   if (!has_subscriber(channel)) return;
   asio::post(impl_->io, [impl = impl_.get(), channel, log_time_ns, details = std::move(details)] {
-    for (const auto& [id, client] : impl->state.clients) {
+    for (const auto& [id, client] : impl->state.clients_of[channel]) {
       client->publish(channel, log_time_ns, details);
     }
   });

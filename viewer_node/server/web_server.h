@@ -9,6 +9,7 @@
 // gets a status message and is counted; it delays no other client.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -17,6 +18,7 @@
 #include "viewer_node/server/client_events.h"
 #include "viewer_node/server/foxglove_client.h"
 #include "viewer_node/server/send_queue.h"
+#include "viewer_node/server/web_limits.h"
 #include "viewer_node/server/web_rules.h"
 
 namespace palpate::viewer {
@@ -34,6 +36,8 @@ struct WebServerConfig {
   std::size_t audience = 0;
   /// Numeric addresses of reverse proxies: no limit on the connections of one of them.
   std::vector<std::string> proxies{};
+  /// A client that takes none of its answer for so long is disconnected.
+  std::chrono::milliseconds answer_timeout = kAnswerTimeout;
   WebRules rules{};
 };
 

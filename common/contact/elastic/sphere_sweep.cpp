@@ -8,21 +8,24 @@
 namespace palpate {
 namespace {
 
+// A point that gives way by at most so many times its penalty is held, or nearly so.
+constexpr double kHeldGive = 2.0;
+
 PALPATE_CLONES void add_three(const float* m, std::size_t stride, const float* x, float* y) {
   const float* const m1 = m + stride;
   const float* const m2 = m1 + stride;
   for (std::size_t i = 0; i < stride; ++i) y[i] = y[i] + m[i] * x[0] + m1[i] * x[1] + m2[i] * x[2];
 }
 
+}  // namespace
+
 Vector3 place_of(const SphereSweep& sphere, std::size_t point) noexcept {
-  const Vector3 at_m = sphere.base_m[point] +
-                       Eigen::Map<const Eigen::Vector3f>(sphere.moved_m + 3 * point).cast<double>();
+  Vector3 at_m = sphere.base_m[point] +
+                 Eigen::Map<const Eigen::Vector3f>(sphere.moved_m + 3 * point).cast<double>();
   if (sphere.pace == 1.0) return at_m;
   const Vector3& from_m = sphere.reached_m[point];
   return from_m + sphere.pace * (at_m - from_m);
 }
-
-}  // namespace
 
 void add_columns(const SphereSweep& sphere, std::size_t point, const Vector3& x,
                  float* y) noexcept {
@@ -56,9 +59,15 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
       }
       const double give = std::max(0.0, normal.dot(own * normal));
       const double along = force.dot(normal);
+      // The penalty gives way at once, a viscous body at its pace.
+      // The compliance of a point that is held includes its penalty.
       const double least = sphere.rigid_give_m_per_newton[i];
+      const double still = give / sphere.pace;
+      const double more = still < least               ? least
+                          : still < kHeldGive * least ? (1.0 - sphere.pace) * least
+                                                      : 0.0;
       const double press =
-          std::max(0.0, give < least ? (give * along - gap) / (give + least) : along - gap / give);
+          std::max(0.0, more > 0.0 ? (give * along - gap) / (give + more) : along - gap / give);
       Vector3 wanted = press * normal;
       if (has_friction && press > 0.0) {
         // since the end of the last sweep

@@ -42,10 +42,19 @@ struct SphereSweep {
 /// Gauss–Seidel: unilateral, Coulomb friction. At most so many sweeps, and changes of a force.
 /// Normals are those at the beginning: if they turned with the points, sweeps would not converge. A
 /// point that gives way less than its penalty, because it is held fast or nearly so, is pressed by
-/// that. No allocation, no throw. Time: count · sweeps + 9 count · changes.
+/// that, at any pace. No allocation, no throw. Time: count · sweeps + 9 count · changes.
 /// @return  the sweeps made
 int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
           double tolerance_m) noexcept;
+
+/// Where a point is under the forces of the last sweep.
+[[nodiscard]] Vector3 place_of(const SphereSweep& sphere, std::size_t point) noexcept;
+
+/// The pace of a body that relaxes like this, in a step of some length.
+/// @param relaxation_s  with the ratio of the compliance   @param step_s  0: it comes to rest
+[[nodiscard]] inline double pace_of(double relaxation_s, double step_s) noexcept {
+  return step_s > 0.0 ? step_s / (step_s + relaxation_s) : 1.0;
+}
 
 /// y += ratio · M x for the three columns M of the point; y is `stride` long.
 void add_columns(const SphereSweep& sphere, std::size_t point, const Vector3& x, float* y) noexcept;

@@ -24,6 +24,7 @@ inline constexpr std::size_t kMaxElasticPatches = 2;
 inline constexpr std::size_t kElasticSlots = 128;
 inline constexpr double kMaxComplianceMPerNewton = 1e3;  // a millimetre of tissue of 1 Pa
 inline constexpr double kMinComplianceMPerNewton = 1e-12;
+inline constexpr double kMaxElasticRelaxationS = 10.0;
 /// 1 in the integers of the structs below.
 inline constexpr double kElasticScale = 32767.0;
 
@@ -45,8 +46,10 @@ struct ElasticPoint {
 
 /// A point in a state of the body.
 struct ElasticPlace {
-  std::uint32_t version = 0;            ///< 0: none in this slot
-  std::array<std::int16_t, 3> away{};   ///< from `from_m`
+  std::uint32_t version = 0;           ///< 0: none in this slot
+  std::array<std::int16_t, 3> away{};  ///< from `from_m`
+  std::array<std::int16_t, 3>
+      rest{};  ///< likewise, where it would come to rest; without viscosity as `away`
   std::array<std::int16_t, 3> force{};  ///< on the body
 
   [[nodiscard]] bool is_pressed() const noexcept {
@@ -61,14 +64,18 @@ struct ElasticState {
   std::uint32_t tissue = 0;  ///< index in the scene
   std::uint32_t number = 0;  ///< > 0, ascending
   double tip_radius_m = 0.0;
-  Vector3 center_m = Vector3::Zero();      ///< of the tip in this solution
-  Vector3 other_newton = Vector3::Zero();  ///< on the tool, from points that are not in the patch
+  Vector3 center_m = Vector3::Zero();  ///< of the tip in this solution
+  Vector3 force_outside_patch_newton =
+      Vector3::Zero();  ///< on the tool, from points that are not in the patch
   double friction_coefficient = 0.0;
   double friction_stiffness_newton_per_m = 0.0;  ///< > 0 with friction
   /// Only this tool deforms the body, so it is at rest where nothing presses; the compliance
   /// between there and here is this multiple of that at rest, ½ … 2.
   bool has_rest = false;
   double compliance_ratio = 1.0;
+  /// Of a viscous body [s]: a point at x moves so that x + compliance_ratio · relaxation_s · ẋ is
+  /// where the forces want it. 0: not viscous.
+  double relaxation_s = 0.0;
   /// All points on this side that the tip may touch are listed as far as `radius_m`.
   /// @see elastic_distance_m
   Vector3 normal = Vector3::UnitZ();  ///< unit, of the surface at the tip

@@ -14,6 +14,7 @@ namespace {
 constexpr std::size_t kOwnBytes = 12;
 constexpr std::size_t kOtherBytes = 19;
 constexpr std::size_t kPlaceBytes = 17;
+constexpr std::size_t kRestBytes = 6;
 
 void put_all(std::span<const std::int16_t> values, std::string& to) {
   for (const std::int16_t x : values) put_integer(static_cast<std::uint16_t>(x), 2, to);
@@ -107,7 +108,8 @@ void put_state(const ElasticState& state, v1::ElasticState& to) {
   to.set_number(state.number);
   to.set_tip_radius_m(state.tip_radius_m);
   put(state.center_m, *to.mutable_center_m());
-  if (!state.other_newton.isZero(0.0)) put(state.other_newton, *to.mutable_other_newton());
+  if (!state.force_outside_patch_newton.isZero(0.0))
+    put(state.force_outside_patch_newton, *to.mutable_force_outside_patch_newton());
   if (state.friction_coefficient > 0.0) {
     to.set_friction_coefficient(state.friction_coefficient);
     to.set_friction_stiffness_newton_per_m(state.friction_stiffness_newton_per_m);
@@ -127,7 +129,9 @@ void put_state(const ElasticState& state, v1::ElasticState& to) {
     put_integer(place.version, 4, places);
     put_all(place.away, places);
     put_all(place.force, places);
+    if (state.relaxation_s > 0.0) put_all(place.rest, *to.mutable_rests());
   }
+  if (state.relaxation_s > 0.0) to.set_relaxation_s(state.relaxation_s);
 }
 
 void check_state(const v1::ElasticState& state, Verdict& verdict) {
@@ -135,8 +139,8 @@ void check_state(const v1::ElasticState& state, Verdict& verdict) {
   verdict.number(state.tip_radius_m(), 0.0, kMaxPositionM);
   verdict.expect(state.tip_radius_m() > 0.0);
   verdict.vector(state.has_center_m(), state.center_m(), kMaxPositionM);
-  if (state.has_other_newton()) {
-    verdict.vector(true, state.other_newton(), kMaxTissueForceNewton);
+  if (state.has_force_outside_patch_newton()) {
+    verdict.vector(true, state.force_outside_patch_newton(), kMaxTissueForceNewton);
   }
   verdict.number(state.friction_coefficient(), 0.0, kMaxFrictionCoefficient);
   verdict.number(state.friction_stiffness_newton_per_m(), 0.0, kMaxStiffnessNewtonPerM);
@@ -150,8 +154,12 @@ void check_state(const v1::ElasticState& state, Verdict& verdict) {
   verdict.number(state.radius_m(), 0.0, kMaxPositionM);
   verdict.number(static_cast<double>(state.away_step_m()), 0.0, kMaxPositionM);
   verdict.number(static_cast<double>(state.force_step_newton()), 0.0, kMaxTissueForceNewton);
+  verdict.number(state.relaxation_s(), 0.0, kMaxElasticRelaxationS);
   const std::string& places = state.places();
   verdict.expect(places.size() % kPlaceBytes == 0);
+  verdict.expect(state.rests().empty() ||
+                 (state.relaxation_s() > 0.0 &&
+                  state.rests().size() == places.size() / kPlaceBytes * kRestBytes));
   std::bitset<kElasticSlots> seen;
   for (std::size_t at = 0; at + kPlaceBytes <= places.size(); at += kPlaceBytes) {
     const std::uint32_t slot = integer(places, at, 1);
@@ -168,7 +176,9 @@ void read(const v1::ElasticState& wire, ElasticState& state) {
   state.number = wire.number();
   state.tip_radius_m = wire.tip_radius_m();
   state.center_m = vector(wire.center_m());
-  state.other_newton = wire.has_other_newton() ? vector(wire.other_newton()) : Vector3::Zero();
+  state.force_outside_patch_newton = wire.has_force_outside_patch_newton()
+                                         ? vector(wire.force_outside_patch_newton())
+                                         : Vector3::Zero();
   state.friction_coefficient = wire.friction_coefficient();
   state.friction_stiffness_newton_per_m =
       state.friction_coefficient > 0.0 ? wire.friction_stiffness_newton_per_m() : 0.0;
@@ -180,12 +190,17 @@ void read(const v1::ElasticState& wire, ElasticState& state) {
   state.radius_m = wire.radius_m();
   state.away_step_m = wire.away_step_m();
   state.force_step_newton = wire.force_step_newton();
+  state.relaxation_s = wire.relaxation_s();
   state.places.fill({});
+  std::size_t rest_at = 0;
   for (std::size_t at = 0; at < wire.places().size(); at += kPlaceBytes) {
     ElasticPlace& place = state.places[integer(wire.places(), at, 1)];
     place.version = integer(wire.places(), at + 1, 4);
     read_all(wire.places(), at + 5, place.away);
     read_all(wire.places(), at + 11, place.force);
+    place.rest = place.away;
+    if (!wire.rests().empty()) read_all(wire.rests(), rest_at, place.rest);
+    rest_at += kRestBytes;
   }
 }
 

@@ -208,7 +208,7 @@ void fill_records(const std::vector<MofcTick>& records, v1::MofcTelemetry& wire)
     wire.add_device_session_id(r.device_session_id);
     wire.add_device_sequence(r.device_sequence);
     wire.add_device_sampled_at_ns(ns(r.device_sampled_at));
-    append(r.asked_force_on_hand_newton, *wire.mutable_asked_force_on_hand_newton());
+    append(r.requested_force_on_hand_newton, *wire.mutable_requested_force_on_hand_newton());
     append(r.commanded_force_on_hand_newton, *wire.mutable_commanded_force_on_hand_newton());
     append(r.f_max_newton, *wire.mutable_f_max_newton());
     wire.add_ledger_energy_joule(r.ledger_energy_joule);
@@ -222,7 +222,7 @@ void check_records(const v1::MofcTelemetry& wire, Verdict& verdict) {
   const int rows = wire.device_sequence_size();
   check_length(wire.device_session_id(), rows, 1, verdict);
   check_times(wire.device_sampled_at_ns(), rows, verdict);
-  check_finite(wire.asked_force_on_hand_newton(), rows, 3, verdict);
+  check_finite(wire.requested_force_on_hand_newton(), rows, 3, verdict);
   check_finite(wire.commanded_force_on_hand_newton(), rows, 3, verdict);
   check_length(wire.f_max_newton(), rows, 3, verdict);
   check_finite_or_nan(wire.ledger_energy_joule(), rows, 1, verdict);
@@ -237,7 +237,7 @@ void read_record(const v1::MofcTelemetry& wire, int i, MofcTick& r) {
   r.device_session_id = wire.device_session_id(i);
   r.device_sequence = wire.device_sequence(i);
   r.device_sampled_at = time(wire.device_sampled_at_ns(i));
-  r.asked_force_on_hand_newton = vector(wire.asked_force_on_hand_newton(), i);
+  r.requested_force_on_hand_newton = vector(wire.requested_force_on_hand_newton(), i);
   r.commanded_force_on_hand_newton = vector(wire.commanded_force_on_hand_newton(), i);
   r.f_max_newton = vector(wire.f_max_newton(), i);
   r.ledger_energy_joule = wire.ledger_energy_joule(i);

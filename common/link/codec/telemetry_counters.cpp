@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/link/codec/telemetry_counters.h"
 
+#include <cmath>
+#include <limits>
+
 namespace palpate::wire {
 namespace {
 
@@ -174,8 +177,14 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_elastic_solves_failed(c.elastic_solves_failed);
   to.set_elastic_steps_skipped(c.elastic_steps_skipped);
   to.set_elastic_residual_ratio(c.elastic_residual_ratio);
-  to.set_elastic_error_newton(c.elastic_error_newton);
-  to.set_elastic_bound_newton(c.elastic_bound_newton);
+  if (!std::isnan(c.elastic_error_newton)) to.set_elastic_error_newton(c.elastic_error_newton);
+  if (!std::isnan(c.elastic_bound_newton)) to.set_elastic_bound_newton(c.elastic_bound_newton);
+  to.set_elastic_bound_violations(c.elastic_bound_violations);
+  to.set_elastic_bounds_checked(c.elastic_bounds_checked);
+  to.set_elastic_contact_steps(c.elastic_contact_steps);
+  to.set_elastic_unknown_bound_steps(c.elastic_unknown_bound_steps);
+  to.set_elastic_tips_appeared(c.elastic_tips_appeared);
+  to.set_elastic_solves_repaired(c.elastic_solves_repaired);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
 void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
@@ -188,29 +197,37 @@ void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
   verdict.finite(c.elastic_bound_newton());
 }
 PhysicsCounters counters(const v1::PhysicsCounters& c) {
-  return {.loop = loop(c.loop()),
-          .tool_motion = link(c.tool_motion()),
-          .contact_steps = c.contact_steps(),
-          .tissues_skipped = c.tissues_skipped(),
-          .tissues_visited = c.tissues_visited(),
-          .octree_cells_visited = c.octree_cells_visited(),
-          .octree_last_cell_hits = c.octree_last_cell_hits(),
-          .tissues_asleep = c.tissues_asleep(),
-          .surfaces_shared = c.surfaces_shared(),
-          .interactions_suppressed = c.interactions_suppressed(),
-          .mesh_frames = c.mesh_frames(),
-          .meshes_skipped = c.meshes_skipped(),
-          .tissue_changes = c.tissue_changes(),
-          .tissue_changes_refused = c.tissue_changes_refused(),
-          .elastic_solves = c.elastic_solves(),
-          .elastic_solves_skipped = c.elastic_solves_skipped(),
-          .elastic_solves_late = c.elastic_solves_late(),
-          .elastic_solves_failed = c.elastic_solves_failed(),
-          .elastic_steps_skipped = c.elastic_steps_skipped(),
-          .elastic_residual_ratio = c.elastic_residual_ratio(),
-          .elastic_error_newton = c.elastic_error_newton(),
-          .elastic_bound_newton = c.elastic_bound_newton(),
-          .worst_compute_time = Duration(c.worst_compute_time_ns())};
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  return {
+      .loop = loop(c.loop()),
+      .tool_motion = link(c.tool_motion()),
+      .contact_steps = c.contact_steps(),
+      .tissues_skipped = c.tissues_skipped(),
+      .tissues_visited = c.tissues_visited(),
+      .octree_cells_visited = c.octree_cells_visited(),
+      .octree_last_cell_hits = c.octree_last_cell_hits(),
+      .tissues_asleep = c.tissues_asleep(),
+      .surfaces_shared = c.surfaces_shared(),
+      .interactions_suppressed = c.interactions_suppressed(),
+      .mesh_frames = c.mesh_frames(),
+      .meshes_skipped = c.meshes_skipped(),
+      .tissue_changes = c.tissue_changes(),
+      .tissue_changes_refused = c.tissue_changes_refused(),
+      .elastic_solves = c.elastic_solves(),
+      .elastic_solves_skipped = c.elastic_solves_skipped(),
+      .elastic_solves_late = c.elastic_solves_late(),
+      .elastic_solves_failed = c.elastic_solves_failed(),
+      .elastic_solves_repaired = c.elastic_solves_repaired(),
+      .elastic_steps_skipped = c.elastic_steps_skipped(),
+      .elastic_residual_ratio = c.elastic_residual_ratio(),
+      .elastic_error_newton = c.has_elastic_error_newton() ? c.elastic_error_newton() : kUnknown,
+      .elastic_bound_newton = c.has_elastic_bound_newton() ? c.elastic_bound_newton() : kUnknown,
+      .elastic_bound_violations = c.elastic_bound_violations(),
+      .elastic_bounds_checked = c.elastic_bounds_checked(),
+      .elastic_contact_steps = c.elastic_contact_steps(),
+      .elastic_unknown_bound_steps = c.elastic_unknown_bound_steps(),
+      .elastic_tips_appeared = c.elastic_tips_appeared(),
+      .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 
 }  // namespace palpate::wire

@@ -197,9 +197,9 @@ std::string encode_telemetry(std::uint64_t at_ns, const DeviceTick& device,
   wire.set_guard(static_cast<v1::Telemetry::Guard>(device.guard));
   const MofcTick unknown{};
   const MofcTick& m = mofc ? *mofc : unknown;
-  put(mofc ? m.asked_force_on_hand_newton : Vector3(Vector3::Constant(kNaN)),
-      *wire.mutable_asked_force_on_hand_newton());
-  wire.set_asked_newton(mofc ? m.asked_force_on_hand_newton.norm() : kNaN);
+  put(mofc ? m.requested_force_on_hand_newton : Vector3(Vector3::Constant(kNaN)),
+      *wire.mutable_requested_force_on_hand_newton());
+  wire.set_requested_newton(mofc ? m.requested_force_on_hand_newton.norm() : kNaN);
   wire.set_f_max_newton(m.f_max_newton.minCoeff());
   wire.set_ledger_energy_joule(m.ledger_energy_joule);
   wire.set_force_age_s(mofc ? to_seconds(m.force_age) : kNaN);

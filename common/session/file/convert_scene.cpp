@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <set>
 
+#include "common/core/user/nearest.h"
 #include "common/session/file/convert.h"
+#include "common/session/materials.h"
+#include "common/session/power_law.h"
 #include "palpate/v1/session.pb.h"
 
 namespace palpate {
@@ -66,10 +70,12 @@ Geometry to_geometry(const Fields& tissue, const std::filesystem::path& base_dir
 
 RegionGeometry to_region(const Fields& place) {
   const std::string kind = place.given_member("place");
-  if (kind == "tag") {
-    const std::string name = place.text("tag");
-    if (name.empty()) place.problem("tag", "must name a region of the mesh");
-    return MeshTag{.name = name};
+  const bool is_near = kind == "near";
+  if (kind == "tag" || is_near) {
+    const Fields fields = is_near ? place.message("near") : place;
+    const std::string name = fields.text("tag");
+    if (name.empty()) fields.problem("tag", "must name a region of the mesh");
+    return MeshTag{.name = name, .within_m = is_near ? fields.number("within_m") : 0.0};
   }
   const Fields fields = place.message(kind.empty() ? "half_space" : kind.c_str());
   if (kind == "sphere") {
@@ -81,10 +87,70 @@ RegionGeometry to_region(const Fields& place) {
   }
   if (kind.empty()) {
     place.problem(
-        "a place is required; give half_space { … }, sphere { … }, box { … } or tag: \"…\"");
+        "a place is required; give half_space { … }, sphere { … }, box { … }, tag: \"…\" "
+        "or near { tag: \"…\" within_m: … }");
   }
   return HalfSpaceGeometry{.point_m = fields.vector("point_m"),
                            .normal = fields.direction("normal")};
+}
+
+/// The modulus of a body or a part, given or that of its `material`.
+double to_young_pa(const Fields& fields) {
+  const std::string name = fields.text("material");
+  const TissueMaterial* known = material_named(name);
+  if (fields.has("material") && known == nullptr) {
+    std::vector<std::string> names;
+    std::string list;
+    for (const TissueMaterial& one : tissue_materials()) {
+      names.emplace_back(one.name);
+      list += (list.empty() ? "\"" : ", \"") + names.back() + "\"";
+    }
+    const std::string meant = nearest(name, names);
+    fields.problem("material", (meant.empty() ? "" : "did you mean \"" + meant + "\"? ") +
+                                   "known are " + list + "; otherwise give young_pa");
+  } else if (known != nullptr) {
+    return fields.number("young_pa", known->young_pa);
+  } else if (!fields.has("young_pa")) {
+    fields.problem("young_pa", "required; give E in Pa, or the name of a tissue as `material`");
+  }
+  return fields.number("young_pa", std::numeric_limits<double>::quiet_NaN());
+}
+
+/// Relaxation, and the modulus at rest that goes with it.
+void add_relaxation(const Fields& elastic, ElasticMaterial& material) {
+  constexpr std::size_t kMostBranches = 8;
+  if (!elastic.has("viscoelastic")) return;
+  const Fields fields = elastic.message("viscoelastic");
+  if (fields.has("power_law")) {
+    if (fields.has("branch")) {
+      fields.problem("power_law", "has branches of its own; leave out branch or power_law");
+    }
+    const Fields law = fields.message("power_law");
+    const double exponent = law.number("exponent");
+    const double at_hz = law.number("at_hz");
+    if (std::isnan(exponent) || std::isnan(at_hz)) return;
+    const PowerLawFit fit = fit_power_law(exponent, at_hz);
+    material.branches = fit.branches;
+    material.fit_error_ratio = fit.error_ratio;
+    material.young_pa *= fit.rest_ratio;
+    for (ElasticMaterial::Part& part : material.parts) part.young_pa *= fit.rest_ratio;
+    return;
+  }
+  double shares = 0.0;
+  for (const Fields& branch : fields.messages("branch")) {
+    material.branches.push_back({.share = branch.number("share"), .tau_s = branch.number("tau_s")});
+    shares += material.branches.back().share;
+  }
+  if (material.branches.empty()) {
+    fields.problem("nothing relaxes; give branch { share: … tau_s: … } or power_law { … }");
+  }
+  if (material.branches.size() > kMostBranches) {
+    fields.problem_at("branch", static_cast<int>(kMostBranches), "at most 8 branches");
+  }
+  if (shares > 0.99) {
+    fields.problem("the shares of the branches sum to " + shown(shares) +
+                   "; must be at most 0.99, because the rest is what holds the body at rest");
+  }
 }
 
 ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
@@ -102,15 +168,22 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
         "is touched by a sphere of at least 1 mm; set scene.tool.tip_radius_m, which is " +
         shown(1e3 * tip_radius_m) + " mm");
   }
-  ElasticMaterial material{.young_pa = fields.number("young_pa"),
+  ElasticMaterial material{.tissue = fields.has("young_pa") ? "" : fields.text("material"),
+                           .young_pa = to_young_pa(fields),
                            .poisson_ratio = fields.number("poisson_ratio"),
                            .density_kg_per_m3 = fields.number("density_kg_per_m3"),
                            .viscosity_s = 1e-3 * fields.number("viscosity_ms"),
                            .mass_damping_per_s = fields.number("mass_damping_per_s"),
                            .gravity_m_per_s2 = fields.vector("gravity_m_per_s2"),
+                           .scan_gravity_m_per_s2 = fields.vector("scan_gravity_m_per_s2"),
                            .solve_rate_hz = fields.number("solve_rate_hz"),
                            .is_linear = fields.flag("linear_elements"),
                            .friction_coefficient = fields.number("friction_coefficient")};
+  if (fields.has("scan_gravity_m_per_s2") && !fields.has("gravity_m_per_s2")) {
+    fields.problem("scan_gravity_m_per_s2",
+                   "needs gravity_m_per_s2, the gravity in the session: the same for the posture "
+                   "of the scan, { z: 0 } for none");
+  }
   switch (fields.enumerator("law")) {
     case v1::Scene::Elastic::corotational:
       material.law = ElasticMaterial::Law::kCorotational;
@@ -131,7 +204,8 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
   for (const Fields& part : fields.messages("part")) {
     material.parts.push_back(
         {.where = to_region(part.message("where")),
-         .young_pa = part.number("young_pa"),
+         .tissue = part.has("young_pa") ? "" : part.text("material"),
+         .young_pa = to_young_pa(part),
          .poisson_ratio = part.number("poisson_ratio", material.poisson_ratio),
          .density_kg_per_m3 = part.number("density_kg_per_m3", material.density_kg_per_m3)});
   }
@@ -139,6 +213,7 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
     fields.problem_at("part", static_cast<int>(kMostParts),
                       "at most 64 parts; merge those of one material");
   }
+  add_relaxation(fields, material);
   return material;
 }
 

@@ -83,7 +83,8 @@ DeviceProfile load_profile(const std::filesystem::path& file, const Place& place
                            Problems& problems) {
   const FileContent content = read_text_file(file, kMaxProfileFileBytes);
   if (!content.complaint.empty()) {
-    problems.add(place, one_line(file.string()) + ": " + content.complaint);
+    problems.add(place, "device.profile_file: " + one_line(file.string()) + ": " +
+                            content.complaint + " (a path is relative to the session's folder)");
     return {};
   }
   return parse_profile(content.bytes, file.string(), place, problems);

@@ -98,7 +98,8 @@ std::vector<RecordedPath::Sample> load_recorded_path(const std::filesystem::path
                                                      const Place& place, Problems& problems) {
   const FileContent content = read_text_file(file, kMaxPathFileBytes);
   if (!content.complaint.empty()) {
-    problems.add(place, one_line(file.string()) + ": " + content.complaint);
+    problems.add(place, "hand.recorded.file: " + one_line(file.string()) + ": " +
+                            content.complaint + " (a path is relative to the session's folder)");
     return {};
   }
   return parse_recorded_path(content.bytes, file.string(), place, problems);

@@ -55,14 +55,21 @@ pb::TextFormat::Parser make_parser(ParserMessages& messages) {
   return parser;
 }
 
-/// The field that the user may have meant, or a list of all fields.
+/// The field that the user may have meant, of the message or of one inside it; else all fields.
 std::string suggestion(const pb::Descriptor& message, std::string_view name) {
   std::string all;
+  std::string inside;
   std::vector<std::string> fields;
   for (int i = 0; i < message.field_count(); ++i) {
-    fields.push_back(message.field(i)->name());
+    const pb::FieldDescriptor& field = *message.field(i);
+    fields.push_back(field.name());
     all += (all.empty() ? "" : ", ") + fields.back();
+    const bool is_one_message = field.message_type() != nullptr && !field.is_repeated();
+    if (is_one_message && field.message_type()->FindFieldByName(std::string(name)) != nullptr) {
+      inside += (inside.empty() ? "'" : " or '") + field.name() + "." + std::string(name) + "'";
+    }
   }
+  if (!inside.empty()) return "did you mean " + inside + "?";
   const std::string meant = nearest(name, fields);
   return meant.empty() ? "it has " + all : "did you mean '" + meant + "'?";
 }
@@ -75,6 +82,13 @@ std::string names_of(const pb::EnumDescriptor& type, const std::string& written)
   return choices_text(type) + (meant.empty() ? "" : "; did you mean '" + meant + "'?");
 }
 
+/// What the parser says, without its full stop; it quotes the end of the text as nothing.
+std::string parser_words(std::string text) {
+  if (text.ends_with('.')) text.pop_back();
+  if (text.ends_with("got: -")) return "a whole number without a sign is required, got: -";
+  return text.ends_with("got: ") ? text + "nothing" : text;
+}
+
 /// An error of the parser, which ends the reading, with what can be done about it.
 std::string error_text(const ParserMessages::Message& error, const SessionOutline& outline,
                        const char* remedy) {
@@ -82,7 +96,7 @@ std::string error_text(const ParserMessages::Message& error, const SessionOutlin
     return one_line(wrong->path) + " = " + one_line(wrong->value) + ": must be " +
            names_of(*wrong->field->enum_type(), wrong->value);
   }
-  return "cannot be read: " + one_line(error.text) + "; " + remedy;
+  return "cannot be read: " + one_line(parser_words(error.text)) + "; " + remedy;
 }
 
 /// "scene.tissue[2].name" → "scene.tissue[2]" → "scene.tissue" → "scene" → "".

@@ -178,9 +178,9 @@ class Judge {
     restarted("physics_restarted", "physics_node", f_.physics_node);
     if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && !has_fault()) {
       add({Grade::kBad, "mofc_silent", "mofc_node never answered device_node in time",
-           keys_remedy(f_.mofc_node.is_heard
-                           ? "both run: check links.exchange, device.rate_hz and device.reply_us"
-                           : "it was not heard: see its messages")});
+           keys_remedy(f_.mofc_node.is_heard ? "both run; run `palpate doctor`, check "
+                                               "links.exchange, device.rate_hz, reply_us"
+                                             : "it was not heard: see its messages")});
     }
     if (f_.device.non_finite_commands > 0) {
       add({Grade::kBad, "command_not_finite",
@@ -228,8 +228,9 @@ class Judge {
                ? Grade::kBad
                : Grade::kFair,
            "elastic_failed",
-           fmt::format("{} of {} solutions of elastic tissue failed and were undone",
-                       physics.elastic_solves_failed, physics.elastic_solves),
+           fmt::format("{} of {} solutions of elastic tissue failed and were undone, {} repaired",
+                       physics.elastic_solves_failed, physics.elastic_solves,
+                       physics.elastic_solves_repaired),
            "press less deep, give a finer mesh, or a larger tip"});
     }
   }
@@ -453,6 +454,11 @@ class Judge {
                       "largest force",
                       f_.physics.elastic_bound_newton, percent(bound)));
     }
+    const PhysicsCounters& p = f_.physics;
+    judge_bound("elastic_no_bound", p.elastic_unknown_bound_steps, p.elastic_contact_steps,
+                " of the contact with elastic tissue has no bound of its error");
+    judge_bound("elastic_bound_exceeded", p.elastic_bound_violations, p.elastic_bounds_checked,
+                " of the measured errors of elastic tissue were above their bound");
     if (f_.excess_reversals) {
       const std::uint64_t excess = *f_.excess_reversals;
       const std::string text =
@@ -465,6 +471,12 @@ class Judge {
         good("reversals", text);
       }
     }
+  }
+
+  /// Of elastic tissue; fair at most: nothing is known to be bad.
+  void judge_bound(const char* what, std::uint64_t part, std::uint64_t whole, const char* text) {
+    if (ratio(part, whole) < kFairRatio) return;
+    add(Grade::kFair, what, percent(ratio(part, whole)) + text, cause_of_loss());
   }
 
   void judge_telemetry() {

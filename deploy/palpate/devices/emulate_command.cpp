@@ -10,6 +10,7 @@
 #include "common/process/options.h"
 #include "common/process/realtime.h"
 #include "common/process/terminal.h"
+#include "common/telemetry/summary.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "device_node/drivers/driver_registry.h"

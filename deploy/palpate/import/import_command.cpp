@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -11,6 +14,7 @@
 #include "common/process/options.h"
 #include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
+#include "deploy/palpate/import/import_site.h"
 #include "deploy/palpate/import/imported_organ.h"
 
 namespace palpate {
@@ -53,6 +57,10 @@ struct ImportCommand {
                    "side of the patient that is up: anterior (default), posterior, right, left, "
                    "superior or inferior")
         ->type_name("SIDE");
+    app.add_option("--scanned", options.scanned,
+                   "posture in the scan, whose gravity is in the organ's shape: supine, "
+                   "prone, left, right (the side that is down), standing or none (default)")
+        ->type_name("POSTURE");
     app.add_option("--tetrahedra", options.tetrahedra,
                    "at most this many (default 6000); more are truer and slower")
         ->type_name("N")
@@ -76,10 +84,19 @@ struct ImportCommand {
       scan::name_segments(map, names.bytes, names_file);
     }
     if (folder.empty()) {
+      for (const auto& [name, is_given] : {std::pair{"--label", !options.labels.empty()},
+                                           {"--lesion", !options.lesions.empty()},
+                                           {"--fixed", !options.fixed.empty()},
+                                           {"--cell-mm", cell_mm.has_value()}}) {
+        if (is_given)
+          throw SetupError(std::string(name) +
+                           ": without -o labels are listed only; add -o FOLDER");
+      }
       std::fputs(label_list(map, labels_file).c_str(), stdout);
       return 0;
     }
     if (cell_mm) options.cell_m = 1e-3 * *cell_mm;
+    options.is_timed = true;
     ImportedOrgan organ;
     {
       const BusyLine busy("import: meshing", verbosity.is_quiet);
@@ -94,6 +111,20 @@ struct ImportCommand {
   }
 
  private:
+  /// Of labels that are no longer there: only files that an import wrote.
+  static void remove_old_surfaces(const std::filesystem::path& path, const ImportedOrgan& organ) {
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(path, error)) {
+      const std::string name = entry.path().filename().string();
+      if (!name.starts_with("surface_") || !name.ends_with(".stl") || organ.files.contains(name))
+        continue;
+      std::ifstream file(entry.path(), std::ios::binary);
+      std::string begin(std::strlen(kStlBegin), '\0');
+      file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+      if (file && begin == kStlBegin) std::filesystem::remove(entry.path(), error);
+    }
+  }
+
   void write(const ImportedOrgan& organ) const {
     const std::filesystem::path path(folder);
     std::vector<NamedOutput> outputs;
@@ -104,6 +135,7 @@ struct ImportCommand {
     std::filesystem::create_directories(path, error);
     if (error)
       throw SetupError(folder + ": " + error.message() + "; give a folder that can be made");
+    if (may_overwrite) remove_old_surfaces(path, organ);
     // the session last: where it is, the rest is complete
     for (const auto& [name, content] : organ.files) {
       if (name != kImportedSession)

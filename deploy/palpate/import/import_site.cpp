@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <map>
 
+#include "common/core/check.h"
 #include "deploy/scan/organ_mesh.h"
 
 namespace palpate {
@@ -15,7 +17,7 @@ constexpr double kSame_m = 1e-6;
 }  // namespace
 
 std::string stl_text(const physics::TriangleMesh& surface) {
-  std::string text = "palpate import: metres, frame W of the session";
+  std::string text = kStlBegin;
   text.resize(80, ' ');
   const auto append = [&](auto value) {
     text.append(reinterpret_cast<const char*>(&value), sizeof value);
@@ -62,9 +64,10 @@ Column column_at(const physics::TriangleMesh& surface, double x, double y) {
 Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& target) {
   const auto place_of = [&](std::size_t at) {
     const std::size_t row = at / map.size[0];
+    const std::size_t layer = row / map.size[1];
     return Vector3(map.ras_of_index_m * Vector3(static_cast<double>(at % map.size[0]),
                                                 static_cast<double>(row % map.size[1]),
-                                                static_cast<double>(row / map.size[1])));
+                                                static_cast<double>(layer)));
   };
   const std::vector<std::size_t> part = scan::largest_part_of(
       map, [&](std::uint16_t voxel) { return target ? voxel == *target + 1 : voxel != 0; });
@@ -85,6 +88,39 @@ Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& targ
     site.top_m = aside_m == near_m ? Vector3(site.centre_m.x(), site.centre_m.y(), top) : place_m;
   }
   return site;
+}
+
+Matrix3 world_of_ras(const std::string& up) {
+  // rows: x, y, z of W in right, anterior, superior
+  const auto frame = [](const Vector3& y, const Vector3& z) {
+    Matrix3 rows;
+    rows.row(0) = y.cross(z);
+    rows.row(1) = y;
+    rows.row(2) = z;
+    return rows;
+  };
+  const Vector3 anterior = Vector3::UnitY();
+  const Vector3 superior = Vector3::UnitZ();
+  if (up == "anterior") return frame(superior, anterior);
+  if (up == "posterior") return frame(superior, -anterior);
+  if (up == "right") return frame(superior, Vector3::UnitX());
+  if (up == "left") return frame(superior, -Vector3::UnitX());
+  if (up == "superior") return frame(anterior, superior);
+  if (up == "inferior") return frame(anterior, -superior);
+  throw SetupError("--up " + up +
+                   ": must be anterior, posterior, right, left, superior or inferior");
+}
+
+Vector3 scan_gravity_m_per_s2(const std::string& posture) {
+  const std::map<std::string, Vector3> down = {
+      {"supine", -Vector3::UnitY()}, {"prone", Vector3::UnitY()},     {"left", -Vector3::UnitX()},
+      {"right", Vector3::UnitX()},   {"standing", -Vector3::UnitZ()}, {"none", Vector3::Zero()}};
+  const auto found = down.find(posture);
+  if (found == down.end()) {
+    throw SetupError("--scanned " + posture +
+                     ": must be supine, prone, left, right, standing or none");
+  }
+  return kGravity_m_per_s2 * found->second;
 }
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// import_site.h — where an imported organ is touched, and its surfaces as STL.
+// import_site.h — how an imported organ lies, where it is touched, and its surfaces as STL.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,8 @@
 
 namespace palpate {
 
+/// How the files of stl_text() begin.
+inline constexpr const char* kStlBegin = "palpate import: metres, frame W of the session";
 /// STL, binary, in metres of W.
 [[nodiscard]] std::string stl_text(const physics::TriangleMesh& surface);
 
@@ -32,5 +34,15 @@ struct Site {
 };
 /// @param map     of one body   @param target  a segment of it, by index
 [[nodiscard]] Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& target);
+
+inline constexpr double kGravity_m_per_s2 = 9.81;
+
+/// Turns the patient's right, anterior, superior into W, so that the named side is +z: x is the
+/// patient's left and y the head if anterior is up. @throws SetupError  no such side
+[[nodiscard]] Matrix3 world_of_ras(const std::string& up);
+
+/// Gravity in a scan in this posture (supine, prone, left, right: the side that is down, standing
+/// or none), in right, anterior, superior. @throws SetupError  no such posture
+[[nodiscard]] Vector3 scan_gravity_m_per_s2(const std::string& posture);
 
 }  // namespace palpate

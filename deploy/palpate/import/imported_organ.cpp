@@ -15,9 +15,10 @@
 #include "common/core/check.h"
 #include "common/core/user/nearest.h"
 #include "common/core/user/temp_folder.h"
+#include "common/session/materials.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/import/import_site.h"
-#include "deploy/scan/materials.h"
+#include "deploy/palpate/import/solve_speed.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
 
@@ -83,8 +84,8 @@ std::string file_name_of(const std::string& label) {
 }
 
 struct Chosen {
-  double young_pa = scan::kAssumedYoung_pa;
-  const scan::TissueMaterial* source = nullptr;
+  double young_pa = kAssumedYoung_pa;
+  const TissueMaterial* source = nullptr;
 };
 
 class Import {
@@ -93,6 +94,7 @@ class Import {
       : map_(std::move(map)), options_(options), file_(std::move(file)) {}
 
   ImportedOrgan take() {
+    gravity_ = world_of_ras(options_.up) * scan_gravity_m_per_s2(options_.scanned);
     choose_labels();
     map_.ras_of_index_m = Eigen::Affine3d(world_of_ras(options_.up)) * map_.ras_of_index_m;
     std::vector<scan::Region> regions = scan::keep_largest_part(map_, segments_);
@@ -118,8 +120,20 @@ class Import {
     drop_empty_regions();
     result.files[kImportedMesh] = physics::msh_text(organ_.mesh);
     result.files[kImportedSession] = session();
-    const std::string body = checked(result.files);
+    std::string body;
+    try {
+      body = checked(result.files);
+    } catch (const SetupError& error) {
+      const bool is_too_soft =
+          std::string(error.what()).find(physics::kNoUnloadedShape) != std::string::npos;
+      if (!is_too_soft || gravity_.isZero(0.0)) throw;
+      gravity_.setZero();
+      result.files[kImportedSession] = session();
+      body = checked(result.files) + "\n  WARNING: without gravity: " + physics::kNoUnloadedShape;
+    }
+    result.files[kImportedSession] = session();  // with the solve rate
     result.report = report() + "\nAs the session uses it\n  " + body + "\n";
+    if (options_.is_timed) result.report += speed_report(speed_, organ_.mesh.tetrahedra.size());
     result.files[kImportedReport] = result.report;
     return result;
   }
@@ -146,7 +160,7 @@ class Import {
     }
     if (lesions_.empty() && segments_.size() > 1) {
       for (const std::uint32_t s : segments_) {
-        if (scan::is_lesion(map_.segments[s].name, map_.segments[s].code)) lesions_.push_back(s);
+        if (is_lesion(map_.segments[s].name, map_.segments[s].code)) lesions_.push_back(s);
       }
     }
   }
@@ -203,7 +217,7 @@ class Import {
     for (std::size_t r = 0; r < organ_.regions.size(); ++r) {
       const scan::Segment& segment = map_.segments[organ_.regions[r].segment];
       Chosen chosen;
-      chosen.source = scan::material_for(segment.name, segment.code);
+      chosen.source = material_for(segment.name, segment.code);
       if (chosen.source != nullptr) chosen.young_pa = chosen.source->young_pa;
       chosen_.push_back(chosen);
       if (organ_.regions[r].mesh_m3 > organ_.regions[largest].mesh_m3) largest = r;
@@ -244,11 +258,14 @@ class Import {
   [[nodiscard]] static std::string source_of(const Chosen& chosen) {
     if (chosen.source == nullptr)
       return "assumed: the table has no figure for this name; give one that you trust";
-    const scan::TissueMaterial& m = *chosen.source;
-    std::string range;
-    if (m.least_pa < m.largest_pa)
-      range = text_of(", %.3g to %.3g kPa", 1e-3 * m.least_pa, 1e-3 * m.largest_pa);
-    return text_of("%s%s: %s; %s (read %s)", m.name, range.c_str(), m.method, m.source, m.date);
+    return palpate::source_of(*chosen.source);
+  }
+
+  /// The line of the session: the material by its name, or the assumed modulus.
+  [[nodiscard]] static std::string stiffness_of(const Chosen& chosen, const char* indent) {
+    return chosen.source == nullptr ? text_of("%syoung_pa: %.4g\n", indent, chosen.young_pa)
+                                    : text_of("%smaterial: \"%s\"  # %.3g kPa\n", indent,
+                                              chosen.source->name, 1e-3 * chosen.young_pa);
   }
 
   [[nodiscard]] std::string held() const {
@@ -266,18 +283,28 @@ class Import {
     return text;
   }
 
+  /// Gravity in the scan, and in the session, whose +z is up.
+  [[nodiscard]] std::string gravity() const {
+    if (gravity_.isZero(0.0)) return "";
+    return text_of(
+        "      # the scan was made %s: its shape is that under this load. Turn gravity_m_per_s2 "
+        "for "
+        "another posture\n"
+        "      scan_gravity_m_per_s2 { x: %.4g  y: %.4g  z: %.4g }\n"
+        "      gravity_m_per_s2      { x: 0  y: 0  z: %.4g }\n",
+        options_.scanned.c_str(), gravity_.x(), gravity_.y(), gravity_.z(), -kGravity_m_per_s2);
+  }
+
   [[nodiscard]] std::string session() const {
-    // the hand presses to a fifth of the thickness, at most 8 mm, and drifts over the place
-    const double press_m = std::min(0.008, 0.2 * thickness_m_);
+    // the hand drifts over the place
     constexpr double kSwing_m = 0.012;
     const double drift_m = std::min(0.018, 0.15 * (bounds_.highest_m.x() - bounds_.lowest_m.x()));
     std::string parts;
     for (std::size_t r = 0; r < chosen_.size(); ++r) {
       if (!is_part(r)) continue;
-      parts += text_of(
-          "      # %s\n      part {\n        where { tag: \"%s\" }\n        young_pa: %.4g\n      "
-          "}\n",
-          source_of(chosen_[r]).c_str(), name_of(r).c_str(), chosen_[r].young_pa);
+      parts += text_of("      # %s\n      part {\n        where { tag: \"%s\" }\n%s      }\n",
+                       source_of(chosen_[r]).c_str(), name_of(r).c_str(),
+                       stiffness_of(chosen_[r], "        ").c_str());
     }
     return "# Written by `palpate import` from a segmentation; yours to edit. report.txt tells "
            "what was done, and from where\n"
@@ -292,7 +319,7 @@ class Import {
            text_of(
                "    center_m     { x: 0  y: 0  z: %.4g }\n    amplitude_m  { x: %.4g  y: %.4g  z: "
                "%.4g }\n",
-               kTipRadius_m - press_m + kSwing_m, drift_m, drift_m / 6.0, kSwing_m) +
+               kTipRadius_m - press_m() + kSwing_m, drift_m, drift_m / 6.0, kSwing_m) +
            "    frequency_hz { x: 0.07   y: 0.03   z: 0.7 }\n    phase_rad    { x: -0.94  y: 0     "
            " z: 1.57 }\n  }\n}\n\n"
            "mofc {\n  controller: mofc\n  mode: guard\n}\n\nphysics { rate_hz: 1000 }\n\n"
@@ -307,14 +334,15 @@ class Import {
            "\" }\n"
            "    elastic {\n      # " +
            name_of(base_) + " — " + source_of(chosen_[base_]) + "\n" +
-           text_of("      young_pa: %.4g\n      poisson_ratio: %.3g\n", chosen_[base_].young_pa,
-                   kPoisson) +
-           "      viscosity_ms: 5\n      friction_coefficient: 0.1\n" + held() + parts +
-           "      solve_rate_hz: 25\n    }\n  }\n}\n";
+           stiffness_of(chosen_[base_], "      ") +
+           text_of("      poisson_ratio: %.3g\n", kPoisson) +
+           "      viscosity_ms: 5\n      friction_coefficient: 0.1\n" + gravity() + held() + parts +
+           text_of("      # see the end of report.txt\n      solve_rate_hz: %g\n", speed_.rate_hz) +
+           "    }\n  }\n}\n";
   }
 
   /// Loads what will be written, as a session does. @return the line of `palpate scene check`
-  [[nodiscard]] static std::string checked(const std::map<std::string, std::string>& files) {
+  [[nodiscard]] std::string checked(const std::map<std::string, std::string>& files) {
     const TempFolder folder;
     for (const char* name : {kImportedMesh, kImportedSession}) folder.write(name, files.at(name));
     const Session session = load_session(folder.path() / kImportedSession, {});
@@ -328,8 +356,12 @@ class Import {
           "the " + (at == std::string::npos ? text : text.substr(at)) +
           "\nchoose other labels (--label), where it is held (--fixed), or a smaller --cell-mm");
     }
+    if (options_.is_timed) speed_ = solve_speed_of(*bodies.front(), kTipRadius_m, press_m());
     return physics::mesh_report(*bodies.front());
   }
+
+  /// What the hand presses: a fifth of the thickness, at most 8 mm.
+  [[nodiscard]] double press_m() const { return std::min(0.008, 0.2 * thickness_m_); }
 
   [[nodiscard]] const char* warning_of(const scan::Region& region, double error) const {
     const bool matters = is_in(lesions_, region.segment) || is_in(fixed_, region.segment);
@@ -415,6 +447,7 @@ class Import {
   }
 
   scan::LabelMap map_;
+  Vector3 gravity_ = Vector3::Zero();  // in the scan, in W; 0: left out
   const ImportOptions& options_;
   std::string file_;
   std::vector<std::uint32_t> segments_;
@@ -427,30 +460,10 @@ class Import {
   Vector3 moved_m_ = Vector3::Zero();
   Vector3 target_m_ = Vector3::Zero();
   double thickness_m_ = 0.0;
+  SolveSpeed speed_{};
 };
 
 }  // namespace
-
-Matrix3 world_of_ras(const std::string& up) {
-  // rows: x, y, z of W in right, anterior, superior
-  const auto frame = [](const Vector3& y, const Vector3& z) {
-    Matrix3 rows;
-    rows.row(0) = y.cross(z);
-    rows.row(1) = y;
-    rows.row(2) = z;
-    return rows;
-  };
-  const Vector3 anterior = Vector3::UnitY();
-  const Vector3 superior = Vector3::UnitZ();
-  if (up == "anterior") return frame(superior, anterior);
-  if (up == "posterior") return frame(superior, -anterior);
-  if (up == "right") return frame(superior, Vector3::UnitX());
-  if (up == "left") return frame(superior, -Vector3::UnitX());
-  if (up == "superior") return frame(anterior, superior);
-  if (up == "inferior") return frame(anterior, -superior);
-  throw SetupError("--up " + up +
-                   ": must be anterior, posterior, right, left, superior or inferior");
-}
 
 std::string label_list(const scan::LabelMap& map, const std::string& file) {
   const Vector3 spacing_mm = 1e3 * map.spacing_m();
@@ -460,7 +473,7 @@ std::string label_list(const scan::LabelMap& map, const std::string& file) {
   for (const std::string& note : map.notes) text += "  " + note + "\n";
   text += "  value      voxels          ml  label\n";
   for (const scan::Segment& segment : map.segments) {
-    const scan::TissueMaterial* material = scan::material_for(segment.name, segment.code);
+    const TissueMaterial* material = material_for(segment.name, segment.code);
     text += text_of(
         "  %5u %11llu %11.3f  %s%s%s\n", segment.value,
         static_cast<unsigned long long>(segment.voxels),

@@ -18,8 +18,11 @@ struct ImportOptions {
   std::vector<std::string> lesions{};  ///< empty: those whose name or code says so
   std::vector<std::string> fixed{};    ///< held as a whole; empty: the lowest fifth of the body
   std::string up = "anterior";         ///< side of the patient that is up, +z of W
+  /// How the patient lay in the scan: gravity is in its shape; "none": it is taken as free of load.
+  std::string scanned = "none";
   std::optional<double> cell_m{};
   std::size_t tetrahedra = 6000;
+  bool is_timed = false;  ///< solve rate after a solution on this machine; else 25 Hz
 };
 
 inline constexpr const char* kImportedSession = "session.txtpb";
@@ -38,9 +41,5 @@ struct ImportedOrgan {
 /// @throws SetupError  a label that is not there; a body that cannot be meshed or held
 [[nodiscard]] ImportedOrgan imported_organ(scan::LabelMap map, const ImportOptions& options,
                                            const std::string& file);
-
-/// Turns the patient's right, anterior, superior into W, so that the named side is +z: x is the
-/// patient's left and y the head if anterior is up. @throws SetupError  no such side
-[[nodiscard]] Matrix3 world_of_ras(const std::string& up);
 
 }  // namespace palpate

@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <csignal>
 #include <cstdio>
+#include <filesystem>
+#include <initializer_list>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -7,23 +11,27 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
 #include "common/link/socket/endpoint.h"
+#include "common/process/blocked_signals.h"
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
 #include "common/process/realtime.h"
 #include "common/process/run_host.h"
 #include "common/process/run_node.h"
-#include "common/process/tcp_port.h"
 #include "common/process/terminal.h"
+#include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
 #include "deploy/launch/launch.h"
 #include "deploy/launch/trust.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/launch/launch_figures.h"
 #include "deploy/palpate/options.h"
+#include "deploy/palpate/screen/page.h"
 #include "deploy/palpate/screen/verdict.h"
 #include "viewer_node/process.h"
 
@@ -91,23 +99,6 @@ void LaunchCommand::add_to(CLI::App& app) {
       ->excludes(chosen);
 }
 
-/// Takes the port of the page and prints its address, alone on its line, before anything else is
-/// printed. If another program uses the session's port, the page gets a free one. It keeps its port
-/// when the viewer restarts.
-/// @return what the viewer inherits; nothing: viewer_node opens the port, or reports why not
-std::optional<ListeningPort> announce_page(const WebConfig& web) {
-  auto port = web.port != 0 ? ListeningPort::open(web.port) : std::nullopt;
-  const bool is_own = port.has_value();
-  if (!port) port = ListeningPort::open(0);
-  if (!port) return port;
-  std::printf("http://127.0.0.1:%d/\n", port->port());
-  std::fflush(stdout);
-  if (!is_own && web.port != 0) {
-    say("port " + std::to_string(web.port) + " is in use; the page has another");
-  }
-  return port;
-}
-
 /// A person at a terminal wants figures; files, services and -v get every event.
 bool has_short_log(const Verbosity& verbosity) {
   return verbosity.is_quiet || (!verbosity.is_verbose && is_terminal(STDERR_FILENO));
@@ -128,6 +119,7 @@ class RunObserver {
   RunObserver(const Session& session, const OutputOptions& output, const TcpRules& tcp,
               bool may_observe, bool is_quiet)
       : session_(session),
+        sides_(session),
         is_quiet_(is_quiet),
         links_({.priority = 0, .cpu = -1}, tcp),
         mirrors_(session.sides.size()),
@@ -194,8 +186,8 @@ class RunObserver {
   template <class Message>
   void add(const Message& message) {
     if constexpr (requires { message.counters; }) {
-      for (std::size_t i = 0; i < devices_.size(); ++i) {
-        if (devices_[i].side.name == message.side) figures_[i].add(message);
+      if (const auto side = sides_.of(message.side); side && *side < devices_.size()) {
+        figures_[*side].add(message);
       }
     }
   }
@@ -241,6 +233,7 @@ class RunObserver {
   }
 
   const Session& session_;
+  viewer::SideIndex sides_;
   bool is_quiet_;
   SteadyClock clock_;
   ProcessLinks links_;
@@ -270,7 +263,26 @@ bool LaunchCommand::has_standby_here(const Session& loaded) const {
          is_on_loopback(bind_to(endpoint, "links.standby_tool_motion"));
 }
 
+/// What flight recorders of this session have written since then, by name.
+std::vector<std::string> flight_files_since(const std::string& session,
+                                            std::filesystem::file_time_type since) {
+  std::vector<std::string> files;
+  std::error_code error;
+  const std::filesystem::path folder = run_folder(session).parent_path();
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_of_session = name.starts_with("flight-") && name.ends_with(".csv") &&
+                               name.find("-" + session + "-2") != std::string::npos;
+    if (is_of_session && entry.last_write_time(error) >= since) {
+      files.push_back(entry.path().string());
+    }
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
 int LaunchCommand::run(const Verbosity& verbosity) const {
+  const auto began_at = std::filesystem::file_time_type::clock::now();
   Session loaded = session.load(verbosity);
   if (is_insecure) allow_plain_tcp(loaded);
   leave_adversary_out(loaded, has_no_adversary);
@@ -293,6 +305,9 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   if (!may_observe) {
     say("no figures of this run: " + loaded.security.key_folder + " has no viewer.key_secret");
   }
+  // launch() handles them; the threads of the observer have ordinary priority
+  std::optional<BlockedSignals> blocked{std::in_place,
+                                        std::initializer_list<int>{SIGINT, SIGTERM, SIGHUP}};
   RunObserver observer(loaded, output, tcp, may_observe, verbosity.is_quiet);
   if (here.contains("device")) {
     if (const auto warning = too_many_ticks(loaded.sides.size()); !warning.empty()) say(warning);
@@ -320,6 +335,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); },
                                       .on_end = [&] { observer.leave_run_folder(); }});
+  blocked.reset();
   observer.finish();
   if (result.end == LaunchEnd::kRefused) return result.exit_status();
   for (const auto& node : result.restarts) {
@@ -327,9 +343,16 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
     say(node.name + "_node never came up; its messages are above");
   }
 
-  if (!verbosity.is_quiet)
+  const std::vector<std::string> flights = flight_files_since(loaded.name, began_at);
+  if (!verbosity.is_quiet) {
     std::fputs(launch_text(loaded, observer.devices(), result).c_str(), stdout);
-  json.write(launch_json(loaded, observer.devices(), result));
+    for (const std::string& file : flights) {
+      std::printf("flight recording: %s\n", file.c_str());
+    }
+  }
+  auto all = launch_json(loaded, observer.devices(), result);
+  all["flight_recordings"] = flights;
+  json.write(all);
   observer.close_files();
   return exit_status(observer.devices(), result);
 }

@@ -91,7 +91,7 @@ std::string launch_text(const Session& session, const std::vector<ObservedDevice
                         session.name + (side.name.empty() ? "" : ", " + side.name),
                         controller_text(side.mofc), result.wall.count());
     if (mirror.device_link().is_heard())
-      for (const auto& [label, value] : figure_lines(controller_text(side.mofc), figures)) {
+      for (const auto& [label, value] : figure_lines(controller_text(side.mofc), mirror, figures)) {
         line(label.c_str(), value);
       }
     text += verdict_text(judge(facts_of(session, device, result)));

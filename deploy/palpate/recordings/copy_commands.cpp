@@ -24,6 +24,7 @@ viewer::CopyResult copy(const std::vector<std::string>& inputs, const viewer::Co
                         const Verbosity& verbosity) {
   check_outputs({{"OUT", options.file}}, inputs, options.may_overwrite);
   std::vector<std::unique_ptr<viewer::McapReader>> sources;
+  sources.reserve(inputs.size());
   for (const std::string& input : inputs) {
     sources.push_back(std::make_unique<viewer::McapReader>(input));
   }

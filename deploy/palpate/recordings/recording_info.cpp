@@ -139,7 +139,8 @@ std::string info_text(RecordingFile& recording) {
     RecordedRun run;
     read_run(recording, run);
     if (!side.empty()) text += "  " + side + ":\n";
-    for (const auto& [label, value] : figure_lines(controller_of(recording, side), run.figures)) {
+    for (const auto& [label, value] :
+         figure_lines(controller_of(recording, side), run.mirror, run.figures)) {
       line(label, value);
     }
   }

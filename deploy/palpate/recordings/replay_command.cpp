@@ -1,15 +1,65 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/recording/replay.h"
 
+#include <unistd.h>
+
+#include <exception>
+#include <optional>
+#include <stop_token>
+#include <thread>
+
+#include "common/core/check.h"
+#include "common/process/log.h"
 #include "common/process/options.h"
+#include "common/process/process_links.h"
+#include "common/process/run_node.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
+#include "deploy/palpate/screen/page.h"
+#include "viewer_node/process.h"
 
 namespace palpate {
 namespace {
 
+/// A viewer of the replay in this process, for its page; without a status line.
+class ReplayPage {
+ public:
+  /// Throws SetupError.
+  explicit ReplayPage(const Session& session)
+      : session_(session),
+        links_({.priority = 0, .cpu = -1}, tcp_rules(session.security, {KeyRole::kViewer})),
+        port_(announce_page(session.viewer.web)),
+        thread_([this](const std::stop_token& stop) { run(stop); }) {}
+
+ private:
+  void run(const std::stop_token& stop) {
+    log_.logger().set_level(spdlog::level::warn);
+    viewer::ViewerOptions options;
+    options.is_quiet = true;
+    if (port_) options.web.descriptor = dup(port_->descriptor());  // the server closes its own
+    NodeContext context{.session = session_,
+                        .session_id = random_session_id(),
+                        .clock = clock_,
+                        .log = log_.logger(),
+                        .stop = stop};
+    try {
+      viewer::run_process(context, links_, options);
+    } catch (const std::exception& error) {
+      say(std::string("no page: ") + error.what());
+    }
+  }
+
+  Session session_;
+  SteadyClock clock_;
+  Log log_{"viewer"};
+  ProcessLinks links_;
+  std::optional<ListeningPort> port_;
+  std::jthread thread_;
+};
+
 struct ReplayCommand {
   ReplayOptions replay;
+  bool has_no_viewer = false;
 
   void add_to(CLI::App& app) {
     add_recording_argument(app, replay.file);
@@ -25,15 +75,28 @@ struct ReplayCommand {
         ->type_name("S")
         ->check(is_start_time());
     app.add_flag("--loop", replay.loops, "repeat until Ctrl-C");
-    app.add_option("--wait", replay.wait_s,
-                   "wait at most this many seconds for a viewer; 0 does not wait (default: until "
-                   "there is one)")
+    app.add_option(
+           "--wait", replay.wait_s,
+           "wait at most this many seconds until the page is opened, or for a viewer; 0 does "
+           "not wait (default: until then)")
         ->type_name("S")
         ->check(CLI::Range(0.0, 1e6));
+    app.add_flag("--no-viewer", has_no_viewer,
+                 "no page of its own (as with -q): wait for a viewer_node that is started by hand");
     add_insecure_flag(app, replay.is_insecure);
   }
   int run(const Verbosity& verbosity) {
     replay.is_quiet = verbosity.is_quiet;
+    std::optional<ReplayPage> page;
+    replay.start_page = [&](const Session& session) {
+      if (has_no_viewer || verbosity.is_quiet || !session.viewer.web.is_on) return false;
+      try {
+        page.emplace(session);
+      } catch (const SetupError& error) {  // as without the viewer's key
+        say(std::string("no page: ") + error.what());
+      }
+      return page.has_value();
+    };
     run_replay(replay);
     return 0;
   }
@@ -43,7 +106,8 @@ struct ReplayCommand {
 
 Command add_replay_command(CLI::App& app) {
   return add_command<ReplayCommand>(
-      app, "replay", "publish a recording in real time: viewers show it like a live session");
+      app, "replay",
+      "show a recording like a live session: on a page of its own, and in any viewer");
 }
 
 }  // namespace palpate

@@ -14,6 +14,7 @@
 #include "deploy/lockstep/recompute.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
+#include "device_node/post_mortem.h"
 #include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
@@ -27,7 +28,9 @@ struct ReportCommand {
   bool is_recomputed = false;
 
   void add_to(CLI::App& app) {
-    app.add_option("FILE", files, "recording (*.mcap); two are shown side by side")
+    app.add_option("FILE", files,
+                   "recording (*.mcap), two are shown side by side; or flight-device-*.csv of a "
+                   "fault, which is printed and computed again")
         ->required()
         ->expected(1, 2)
         ->type_name("");
@@ -41,6 +44,7 @@ struct ReportCommand {
     add_overwrite_flag(app, may_overwrite);
   }
   int run(const Verbosity& verbosity) const {
+    if (files.size() == 1 && device::is_fault_file(files.front())) return report_fault();
     if (output.empty() && !is_recomputed) {
       throw SetupError("report: give --output FILE, --recompute, or both");
     }
@@ -67,6 +71,19 @@ struct ReportCommand {
   }
 
  private:
+  /// @return  1: the fault or what the monitor decided is not reproduced
+  [[nodiscard]] int report_fault() const {
+    const device::FaultFile file = device::read_fault_file(files.front());
+    const device::Recomputed recomputed = device::recompute_fault(file);
+    const std::string text = device::fault_text(file, recomputed);
+    if (output.empty() || output == "-") {
+      std::fputs(text.c_str(), stdout);
+    } else {
+      check_outputs({{"--output", output}}, files, may_overwrite);
+      write_file("report", output, text, may_overwrite);
+    }
+    return recomputed.is_same() ? 0 : 1;
+  }
   [[nodiscard]] int recompute_one(RecordingFile& recording, const Verbosity& verbosity) const {
     Progress progress("recomputing", verbosity.is_quiet);
     const Recomputed recomputed =

@@ -11,10 +11,11 @@ namespace {
 const auto kAll = [](const auto*) { return true; };
 
 /// The value of an option, as far as a shell can complete it.
-enum class Value { kNone, kFile, kOther };
+enum class Value { kNone, kFile, kSetting, kOther };
 
 Value value_of(const CLI::Option& option) {
   if (option.get_items_expected_max() == 0) return Value::kNone;
+  if (option.check_lname("set")) return Value::kSetting;
   const std::string type = option.get_type_name();
   return type.starts_with("FILE") ? Value::kFile : Value::kOther;
 }
@@ -58,9 +59,8 @@ std::string words_of(const CLI::App& app, const CLI::App& command) {
   return words;
 }
 
-std::string bash(const CLI::App& app, const std::vector<std::string>& given) {
-  std::string settings;
-  for (const std::string& setting : given) settings += (settings.empty() ? "" : " ") + setting;
+/// @param settings  of --set: "mofc.mode= mofc.mode=guard …"
+std::string bash(const CLI::App& app, const std::string& settings) {
   std::string commands;
   std::string cases = "    '') words='" + words_of(app, app) + "' ;;\n";
   std::string files;
@@ -138,7 +138,7 @@ std::string bash(const CLI::App& app, const std::vector<std::string>& given) {
          "complete -o filenames -F _palpate palpate\n";
 }
 
-std::string zsh(const CLI::App& app) {
+std::string zsh(const CLI::App& app, const std::string& settings) {
   constexpr const char* kForbidden = "'[]:";
   const auto arguments = [&](const CLI::App& command) {
     std::string text;
@@ -147,8 +147,9 @@ std::string zsh(const CLI::App& app) {
         text += " \\\n        '" + name + "[" + quoted(option->get_description(), kForbidden) + "]";
         const Value value = value_of(*option);
         if (value != Value::kNone) {
-          text += ":" + quoted(option->get_type_name(), kForbidden) + ":" +
-                  (value == Value::kFile ? "_files" : "");
+          text += ":" + quoted(option->get_type_name(), kForbidden) + ":";
+          if (value == Value::kFile) text += "_files";
+          if (value == Value::kSetting) text += "_palpate_settings";
         }
         text += "'";
       }
@@ -169,6 +170,19 @@ std::string zsh(const CLI::App& app) {
              " \\\n        '*:file:_files' ;;\n";
   }
   return "#compdef palpate\n# Completion of palpate for zsh, made by `palpate completion zsh`.\n"
+         "# --set FIELD=VALUE: the fields, then the values of the one that is given\n"
+         "_palpate_settings() {\n"
+         "  local key\n"
+         "  local -a settings=(" +
+         settings +
+         ")\n"
+         "  if compset -P 1 '*='; then\n"
+         "    key=${${IPREFIX#--set=}%=}=\n"
+         "    compadd -- ${${(M)settings:#$key?*}#$key}\n"
+         "  else\n"
+         "    compadd -S '' -- ${(M)settings:#*=}\n"
+         "  fi\n"
+         "}\n"
          "_palpate() {\n"
          "  local context state state_descr line\n"
          "  typeset -A opt_args\n"
@@ -188,8 +202,20 @@ std::string zsh(const CLI::App& app) {
          "_palpate \"$@\"\n";
 }
 
-std::string fish(const CLI::App& app) {
-  std::string text = "# Completion of palpate for fish, made by `palpate completion fish`.\n";
+std::string fish(const CLI::App& app, const std::string& settings) {
+  std::string text =
+      "# Completion of palpate for fish, made by `palpate completion fish`.\n"
+      "# --set FIELD=VALUE: the fields, then the values of the one that is given\n"
+      "function __palpate_settings\n"
+      "  set -l settings " +
+      settings +
+      "\n"
+      "  if string match -q -- '*=*' (commandline -ct)\n"
+      "    string match -r -- '^.+=.+$' $settings\n"
+      "  else\n"
+      "    string match -r -- '^.+=$' $settings\n"
+      "  end\n"
+      "end\n";
   const auto add = [&](const CLI::Option& option, const std::string& when) {
     text += "complete -c palpate";
     if (!when.empty()) text += " -n '" + when + "'";
@@ -198,6 +224,7 @@ std::string fish(const CLI::App& app) {
     const Value value = value_of(option);
     if (value == Value::kFile) text += " -r -F";
     if (value == Value::kOther) text += " -x";
+    if (value == Value::kSetting) text += " -x -a '(__palpate_settings)'";
     text += " -d '" + quoted(option.get_description()) + "'\n";
   };
   text += "complete -c palpate -n __fish_use_subcommand -f\n";
@@ -220,10 +247,12 @@ std::string fish(const CLI::App& app) {
 }  // namespace
 
 std::string completion(const CLI::App& app, const std::string& shell,
-                       const std::vector<std::string>& settings) {
+                       const std::vector<std::string>& fields) {
+  std::string settings;
+  for (const std::string& field : fields) settings += (settings.empty() ? "" : " ") + field;
   if (shell == "bash") return bash(app, settings);
-  if (shell == "zsh") return zsh(app);
-  if (shell == "fish") return fish(app);
+  if (shell == "zsh") return zsh(app, settings);
+  if (shell == "fish") return fish(app, settings);
   throw SetupError("completion: \"" + shell + "\": must be one of bash, zsh, fish");
 }
 

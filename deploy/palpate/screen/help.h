@@ -16,7 +16,7 @@ namespace palpate {
 [[nodiscard]] std::string man_page(const CLI::App& app, const CLI::App& command);
 
 /// The completion of every command and option. @param shell  bash, zsh or fish
-/// @param settings  what bash completes after --set: "mofc.mode=", "mofc.mode=guard"
+/// @param settings  completions after --set: "mofc.mode=", "mofc.mode=guard"
 [[nodiscard]] std::string completion(const CLI::App& app, const std::string& shell,
                                      const std::vector<std::string>& settings = {});
 

@@ -6,6 +6,7 @@
 #include "common/core/user/nearest.h"
 #include "common/process/terminal.h"
 #include "common/session/file/session_paths.h"
+#include "common/session/materials.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/screen/help.h"
 
@@ -44,9 +45,22 @@ int explain_term(const std::string& term) {
     }
     return 0;
   }
+  const std::size_t terminal = terminal_columns(STDOUT_FILENO);
+  const std::size_t columns = terminal > 0 ? terminal : kTextColumns;
+  if (term == "materials") {
+    print(materials_table());
+    return 0;
+  }
+  if (const TissueMaterial* material = material_named(term)) {
+    char value[40];  // NOLINT: for snprintf
+    std::snprintf(value, sizeof value, "E = %.3g kPa; ", 1e-3 * material->young_pa);
+    print(term + "  (material of a session)\n" + wrapped(value + source_of(*material), columns));
+    return 0;
+  }
   const std::vector<GlossaryEntry> found = explain(entries, term);
   if (found.empty()) {
-    std::vector<std::string> names;
+    std::vector<std::string> names = {"materials"};
+    for (const TissueMaterial& material : tissue_materials()) names.emplace_back(material.name);
     for (const GlossaryEntry& entry : entries) {
       names.insert(names.end(), entry.names.begin(), entry.names.end());
     }
@@ -55,10 +69,8 @@ int explain_term(const std::string& term) {
         "explain: \"" + term + "\" is not in the glossary; " +
         (meant.empty() ? "`palpate explain` lists all terms" : "did you mean \"" + meant + "\"?"));
   }
-  const std::size_t terminal = terminal_columns(STDOUT_FILENO);
   for (const GlossaryEntry& entry : found) {
-    print(entry.term + "  (" + entry.section + ")\n" +
-          wrapped(entry.meaning, terminal > 0 ? terminal : kTextColumns));
+    print(entry.term + "  (" + entry.section + ")\n" + wrapped(entry.meaning, columns));
   }
   return 0;
 }
@@ -87,8 +99,9 @@ const CLI::App& command_of(const CLI::App& app, const std::vector<std::string>& 
 }  // namespace
 
 Command add_explain_command(CLI::App& app) {
-  CLI::App& command = *app.add_subcommand(
-      "explain", "explain a term, column, key or metric; without one, list all");
+  CLI::App& command = *app.add_subcommand("explain",
+                                          "explain a term, column, key, metric or material "
+                                          "(\"materials\": all); without one, list all");
   auto words = std::make_shared<std::vector<std::string>>();
   command.add_option("TERM", *words, "e.g. transparency, clamp share, f_max_x")->type_name("");
   return {&command, [words](const Verbosity&) {

@@ -114,10 +114,13 @@ class FalconDevice final : public WireDevice {
     if (!line_) return Transfer::kClosed;
     const auto flags =
         static_cast<std::uint8_t>(kFalconHoming | (is_homed_ ? kFalconGreen : kFalconRed));
-    Transfer transfer = line_->write(falcon_command(motors, flags), config_.transfer_limit);
+    const auto command = falcon_command(motors, flags);
+    sent(std::as_bytes(std::span(command)));
+    Transfer transfer = line_->write(command, config_.transfer_limit);
     if (transfer != Transfer::kDone) return transfer;
     FalconMessage answer{};
     transfer = line_->read(answer, config_.transfer_limit);
+    received(transfer, std::as_bytes(std::span(answer)));
     if (transfer != Transfer::kDone) return transfer;
     if (!read_falcon_answer(answer, reading)) return Transfer::kCorrupt;
     is_homed_ = reading.homed == kFalconAllHomed;

@@ -61,9 +61,9 @@ class HapiDevice final : public WireDevice {
     return (config_.rotation.conjugate() * force_newton).head<2>();
   }
 
-  Transfer exchange(const Vector3& asked_newton, DeviceSample& sample) noexcept override {
+  Transfer exchange(const Vector3& requested_newton, DeviceSample& sample) noexcept override {
     if (!port_) return Transfer::kClosed;
-    const Vector2 force_newton = in_plane(asked_newton);
+    const Vector2 force_newton = in_plane(requested_newton);
     // torques by the angles of the last answer: a period old
     const std::optional<Matrix2> jacobian =
         angles_rad_ ? links_.jacobian(*angles_rad_) : std::optional<Matrix2>();
@@ -104,11 +104,13 @@ class HapiDevice final : public WireDevice {
                std::array<float, kHapiMotors>& angles_deg) noexcept {
     if (!port_) return Transfer::kClosed;
     port_->discard_input();
-    Transfer transfer =
-        port_->write(hapi_torques(board_.device_id, torques), config_.transfer_limit);
+    const auto command = hapi_torques(board_.device_id, torques);
+    sent(std::as_bytes(std::span(command)));
+    Transfer transfer = port_->write(command, config_.transfer_limit);
     if (transfer != Transfer::kDone) return transfer;
     std::array<std::byte, kHapiReadingBytes> answer{};
     transfer = port_->read(answer, config_.transfer_limit);
+    received(transfer, answer);
     if (transfer != Transfer::kDone) return transfer;
     return read_hapi_angles(answer, board_.device_id, angles_deg) ? Transfer::kDone
                                                                   : Transfer::kCorrupt;

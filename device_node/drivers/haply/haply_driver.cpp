@@ -163,10 +163,12 @@ class HaplyDevice final : public WireDevice {
     if (size == 0) return Transfer::kCorrupt;
     // an answer too many: from now on each would be that of an earlier message
     if (socket_->has_message()) return Transfer::kCorrupt;
+    sent(std::as_bytes(std::span(command_.data(), size)));
     Transfer transfer = socket_->send({command_.data(), size}, config_.transfer_limit);
     if (transfer != Transfer::kDone) return transfer;
     std::string_view text;
     transfer = socket_->receive(text, config_.transfer_limit);
+    received(transfer, std::as_bytes(std::span(text)));
     if (transfer != Transfer::kDone) return transfer;
     if (!read_haply_state(text, config_.device_id, config_.grip_id, state)) {
       return Transfer::kCorrupt;

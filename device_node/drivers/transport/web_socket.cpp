@@ -77,10 +77,10 @@ class TimedSocket {
  public:
   using executor_type = asio::io_context::executor_type;
 
-  TimedSocket(executor_type executor, int socket) : executor_(executor), socket_(socket) {}
+  TimedSocket(const executor_type& executor, int socket) : executor_(executor), socket_(socket) {}
   ~TimedSocket() { close(); }
   TimedSocket(TimedSocket&& other) noexcept
-      : executor_(other.executor_),
+      : executor_(std::move(other.executor_)),
         socket_(std::exchange(other.socket_, -1)),
         frames_(other.frames_) {}
   TimedSocket& operator=(TimedSocket&&) = delete;

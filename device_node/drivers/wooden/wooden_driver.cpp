@@ -153,12 +153,15 @@ class WoodenDevice final : public WireDevice {
   Transfer ask(const WoodenCommand& command, WoodenReading& reading) noexcept {
     if (!port_) return Transfer::kClosed;
     port_->discard_input();
-    Transfer transfer = port_->write(wooden_command(command), config_.transfer_limit);
+    const auto packet = wooden_command(command);
+    sent(std::as_bytes(std::span(packet)));
+    Transfer transfer = port_->write(packet, config_.transfer_limit);
     if (transfer != Transfer::kDone) return transfer;
     // one more than a report has: a longer one is seen
     std::array<std::byte, kWoodenReportBytes + 1> report{};
     std::size_t size = 0;
     transfer = port_->read(report, size, config_.transfer_limit);
+    received(transfer, std::span(report).first(size));
     if (transfer != Transfer::kDone) return transfer;
     return read_wooden_report(std::span(report).first(size), reading) ? Transfer::kDone
                                                                       : Transfer::kCorrupt;

@@ -28,10 +28,11 @@ int main(int argc, char** argv) {
     work_joule += f_d * d * d / T + f_co * std::abs(d) - last.force_on_hand_newton.z() * d;
     last.hand_position_at_end_m = {0.0, 0.0, z};
     const double depth = z < 0.0 ? -z : 0.0;
-    const ControlOutput out = controller->step({.hand_position_m = {0.0, 0.0, z},
-                                                .applied = {&last, k > 0 ? 1U : 0U},
-                                                .asked_force_on_hand_newton = {0.0, 0.0, K * depth},
-                                                .stored_energy_joule = 0.5 * K * depth * depth});
+    const ControlOutput out =
+        controller->step({.hand_position_m = {0.0, 0.0, z},
+                          .applied = {&last, k > 0 ? 1U : 0U},
+                          .requested_force_on_hand_newton = {0.0, 0.0, K * depth},
+                          .stored_energy_joule = 0.5 * K * depth * depth});
     last.force_on_hand_newton = out.force_on_hand_newton;  // here it is commanded
   }
   std::printf("work of the hand: %.3f mJ\n", 1e3 * work_joule);

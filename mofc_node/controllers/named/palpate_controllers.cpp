@@ -14,7 +14,6 @@
 #include "mofc_node/controllers/named/catalogue.h"
 
 using palpate::controllers::AppliedStretch;
-using palpate::controllers::ControlInput;
 using palpate::controllers::ControllerSettings;
 using palpate::controllers::ControlOutput;
 using palpate::controllers::ForceController;
@@ -203,8 +202,8 @@ palpate_status palpate_controller_step(palpate_controller* controller, const pal
        .acting_force_on_hand_newton = vector_of(input->acting_force_on_hand_newton),
        .acting_lease_s = input->acting_lease_s > 0.0 ? input->acting_lease_s
                                                      : std::numeric_limits<double>::infinity(),
-       .asked_force_on_hand_newton = vector_of(input->requested_force_on_hand_newton),
-       .is_asked_fresh = input->is_request_held == 0,
+       .requested_force_on_hand_newton = vector_of(input->requested_force_on_hand_newton),
+       .is_request_fresh = input->is_request_held == 0,
        .stored_energy_joule = input->stored_energy_joule,
        .hand_velocity_m_per_s = vector_of(input->hand_velocity_m_per_s),
        .evaluated_at_m = vector_of(input->evaluated_at_m),

@@ -41,8 +41,8 @@ ControlOutput unbounded_output(const ControlInput& input, const Vector3& force_o
   return {.force_on_hand_newton = force_on_hand_newton,
           .f_max_newton = Vector3::Constant(std::numeric_limits<double>::quiet_NaN()),
           .ledger_energy_joule = observed_joule,
-          .is_clamped = !input.asked_force_on_hand_newton.isZero(0.0) &&
-                        force_on_hand_newton != input.asked_force_on_hand_newton};
+          .is_clamped = !input.requested_force_on_hand_newton.isZero(0.0) &&
+                        force_on_hand_newton != input.requested_force_on_hand_newton};
 }
 
 }  // namespace palpate::controllers

@@ -18,13 +18,13 @@ void MemoryBased::forget() noexcept {
 
 ControlOutput MemoryBased::step(const ControlInput& input) noexcept {
   const Interval interval = interval_.read(input);
-  const Vector3& asked = input.asked_force_on_hand_newton;
-  if (asked.isZero(0.0) || input.has_gap) forget();
-  if (asked.isZero(0.0)) return unbounded_output(input, asked, 0.0);
+  const Vector3& requested = input.requested_force_on_hand_newton;
+  if (requested.isZero(0.0) || input.has_gap) forget();
+  if (requested.isZero(0.0)) return unbounded_output(input, requested, 0.0);
   if (!is_in_contact_) {
-    normal_ = input.surface_normal.isZero(0.0) ? asked.normalized() : input.surface_normal;
+    normal_ = input.surface_normal.isZero(0.0) ? requested.normalized() : input.surface_normal;
     is_in_contact_ = true;
-    return unbounded_output(input, asked, 0.0);
+    return unbounded_output(input, requested, 0.0);
   }
 
   // what the hand did against the normal force
@@ -36,8 +36,8 @@ ControlOutput MemoryBased::step(const ControlInput& input) noexcept {
   if (moved < 0.0) release(to_m);
   penetration_m_ = to_m;
 
-  const double pressing = asked.dot(normal_);  // f
-  if (pressing <= 0.0) return unbounded_output(input, asked, spent_joule_);
+  const double pressing = requested.dot(normal_);  // f
+  if (pressing <= 0.0) return unbounded_output(input, requested, spent_joule_);
   double newton = pressing;
   if (penetration_m_ <= 0.0) {
     count_ = 0;
@@ -50,7 +50,7 @@ ControlOutput MemoryBased::step(const ControlInput& input) noexcept {
     const double owed = std::max(0.0, area_joule_ - spent_joule_);
     newton = std::clamp(mean_newton(length_m) - owed / length_m, 0.0, pressing);
   }
-  return unbounded_output(input, asked * (newton / pressing), spent_joule_);
+  return unbounded_output(input, requested * (newton / pressing), spent_joule_);
 }
 
 void MemoryBased::press(double to_m, double newton) noexcept {

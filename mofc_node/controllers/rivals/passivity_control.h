@@ -65,9 +65,10 @@ struct InjectedDamping {
 };
 /// F_e with the damping that takes back what is missing within the next period, if α_max allows.
 /// No allocation, no throw.
-/// @param asked_force_on_hand_newton  F_e   @param velocity_m_per_s  v   @param p  α_max, v_ε, T
+/// @param requested_force_on_hand_newton  F_e   @param velocity_m_per_s  v   @param p  α_max, v_ε,
+/// T
 /// @param missing_joule  E − E_ref; ≥ 0: nothing is injected
-[[nodiscard]] InjectedDamping inject_damping(const Vector3& asked_force_on_hand_newton,
+[[nodiscard]] InjectedDamping inject_damping(const Vector3& requested_force_on_hand_newton,
                                              const Vector3& velocity_m_per_s, double missing_joule,
                                              const PassivityControlParameters& p) noexcept;
 

@@ -56,7 +56,7 @@ ControlOutput VirtualCoupling::step(const ControlInput& input) noexcept {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   const Interval interval = interval_.read(input);
   if (input.tissue == nullptr) {
-    return unbounded_output(input, input.asked_force_on_hand_newton, kNone);
+    return unbounded_output(input, input.requested_force_on_hand_newton, kNone);
   }
   if (!has_proxy_ || input.has_gap) proxy_m_ = input.hand_position_m;
   has_proxy_ = true;

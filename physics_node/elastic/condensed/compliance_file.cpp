@@ -20,7 +20,7 @@ namespace palpate::elastic {
 namespace {
 
 constexpr std::uint64_t kMagic = 0x31504d4f43504c50;  // "PLPCOMP1" in the byte order of the writer
-constexpr std::uint64_t kVersion = 3;  // of the format and of how columns are computed
+constexpr std::uint64_t kVersion = 4;  // of the format and of how columns are computed
 
 // FNV-1a over words of eight bytes, with a shift so that high bits reach low ones.
 class Hash {

@@ -177,24 +177,69 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
                          .rates_m = {},
                          .forces_newton = forces_newton_,
                          .surface_m = std::vector<float>(surface_stride_, 0.0F)});
+  modal_ = {};
   lower_ = 0;
   share_ = 0.0;
   has_centre_ = false;
   relaxation_s_ = 0.0;
+  branches_.clear();
+  ways_m_.clear();
+  held_m_.clear();
   checked_ratio_ = 0.0;
   scale_ = 1.0;
   last_way_newton_ = 0.0;
 }
 
-void CondensedContact::relax(const std::vector<SurfacePoint>& points, const VectorXd& v_m_per_s,
-                             double relaxation_s) {
-  relaxation_s_ = relaxation_s;
-  if (!(relaxation_s > 0.0)) return;
-  Equilibrium& own = equilibria_.front();
+void CondensedContact::swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,
+                             const VectorXd& from_m, const VectorXd& v_m_per_s,
+                             const VectorXd& a_m_per_s2) {
+  if (modes.count() == 0) return;
+  modal_ =
+      ModalMotion(modes, points, chosen_, from_m, first_m_, v_m_per_s, a_m_per_s2, forces_newton_);
+  modal_.take_from(among_, stride_);
+  stepped_ = among_;
+  stepped_pace_ = 0.0;
+  bases_m_ = positions_m_;
   for (std::size_t i = 0; i < chosen_.size(); ++i) {
-    own.rates_m.emplace_back(relaxation_s * points[chosen_[i]].position_m(v_m_per_s.data()));
+    positions_m_[i] -= modal_.at(i, modal_.amount());
+  }
+  equilibria_.front().positions_m = positions_m_;
+}
+
+void CondensedContact::relax(const std::vector<SurfacePoint>& points, const VectorXd& v_m_per_s,
+                             double relaxation_s, const Relaxation* memory) {
+  relaxation_s_ = relaxation_s;
+  const bool has_branches = memory != nullptr && memory->is_there();
+  if (!(relaxation_s > 0.0) && !has_branches) return;
+  if (has_branches) {
+    branches_ = compliance_.body().description().branches;
+    ways_m_.resize(branches_.size());
+    held_m_ = positions_m_;
+  }
+  Equilibrium& own = equilibria_.front();
+  if (relaxation_s > 0.0) own.rates_m = rates_of(points, v_m_per_s);
+  for (std::size_t i = 0; i < chosen_.size(); ++i) {
+    if (has_branches)
+      own.creeps_m.push_back(points[chosen_[i]].position_m(memory->creep_m().data()));
+    for (std::size_t b = 0; b < branches_.size(); ++b) {
+      ways_m_[b].push_back(points[chosen_[i]].position_m(memory->ways_m()[b].data()));
+    }
     positions_m_[i] = rest_of(own, i);
   }
+}
+
+// Of the points, but for the modes that move by themselves.
+std::vector<Vector3d> CondensedContact::rates_of(const std::vector<SurfacePoint>& points,
+                                                 const VectorXd& v_m_per_s) const {
+  std::vector<Vector3d> rates_m;
+  Eigen::VectorXd slow;
+  if (!modal_.is_empty()) slow = modal_.rate_in(v_m_per_s);
+  for (std::size_t i = 0; i < chosen_.size(); ++i) {
+    Vector3d rate = points[chosen_[i]].position_m(v_m_per_s.data());
+    if (!modal_.is_empty()) rate -= modal_.at(i, slow);
+    rates_m.emplace_back(relaxation_s_ * rate);
+  }
+  return rates_m;
 }
 
 double CondensedContact::sum_of_forces_newton() const noexcept {
@@ -215,17 +260,23 @@ bool CondensedContact::is_usable(const std::vector<Vector3d>& forces_on_body_new
 
 bool CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                                        const std::vector<Vector3d>& forces_on_body_newton,
-                                       const VectorXd* v_m_per_s) {
+                                       const VectorXd* v_m_per_s, const VectorXd* creep_m) {
   if (!is_usable(forces_on_body_newton)) return false;
   Equilibrium more;
-  for (const std::size_t point : chosen_) {
+  Eigen::VectorXd slow;
+  if (!modal_.is_empty()) slow = modal_.amount_in(x_m);
+  for (std::size_t i = 0; i < chosen_.size(); ++i) {
+    const std::size_t point = chosen_[i];
     more.positions_m.push_back(points[point].position_m(x_m.data()));
+    if (!modal_.is_empty()) more.positions_m.back() -= modal_.at(i, slow);
     more.forces_newton.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
                                                                : forces_on_body_newton[point]);
     more.sum_newton += more.forces_newton.back().norm();
-    if (v_m_per_s == nullptr || !(relaxation_s_ > 0.0)) continue;
-    more.rates_m.emplace_back(relaxation_s_ * points[point].position_m(v_m_per_s->data()));
+    if (creep_m != nullptr && creep_m->size() > 0) {
+      more.creeps_m.push_back(points[point].position_m(creep_m->data()));
+    }
   }
+  if (v_m_per_s != nullptr && relaxation_s_ > 0.0) more.rates_m = rates_of(points, *v_m_per_s);
   const auto place = std::lower_bound(
       equilibria_.begin(), equilibria_.end(), more.sum_newton,
       [](const Equilibrium& one, double sum_newton) { return one.sum_newton < sum_newton; });
@@ -270,6 +321,9 @@ bool CondensedContact::scale_compliance() {
     way.segment<3>(3 * i) = last.positions_m[point] - other.positions_m[point];
     if (!last.rates_m.empty()) rate.segment<3>(3 * i) += last.rates_m[point];
     if (!other.rates_m.empty()) rate.segment<3>(3 * i) -= other.rates_m[point];
+    // where they would have crept to
+    if (!last.creeps_m.empty()) way.segment<3>(3 * i) += last.creeps_m[point];
+    if (!other.creeps_m.empty()) way.segment<3>(3 * i) -= other.creeps_m[point];
   }
   const Eigen::Map<const Eigen::MatrixXf, 0, Eigen::OuterStride<>> among(
       among_.data(), size, size, Eigen::OuterStride<>(static_cast<Eigen::Index>(stride_)));
@@ -281,6 +335,7 @@ bool CondensedContact::scale_compliance() {
   for (float& value : among_) value *= change;
   for (float& value : onto_surface_) value *= change;
   scale_ = scale;
+  stepped_pace_ = 0.0;
   last_way_newton_ = last.sum_newton - other.sum_newton;
   return true;
 }
@@ -300,7 +355,7 @@ void CondensedContact::start_between(double sum_newton) noexcept {
     Eigen::Map<Eigen::Vector3f>(change.data() + 3 * i) =
         (forces_newton_[i] - base_forces_newton_[i]).cast<float>();
   }
-  multiply(among_.data(), 3 * count_, 3 * count_, change.data(), displacements_m_.data());
+  multiply(in_step().data(), 3 * count_, 3 * count_, change.data(), displacements_m_.data());
 }
 
 void CondensedContact::bound_by(double error_ratio) noexcept {
@@ -313,42 +368,78 @@ void CondensedContact::read(Snapshot& snapshot) const {
   snapshot.positions_m.assign(reached_m_.begin(), reached_m_.end());
 }
 
+void CondensedContact::begin_swing(double step_s, double pace) noexcept {
+  if (modal_.is_empty()) return;
+  const bool is_other = modal_.set_step(step_s);
+  if (!is_other && pace == stepped_pace_) return;
+  modal_.add_to(among_, stride_, pace, stepped_);
+  stepped_pace_ = pace;
+}
+
+// Where the points would be under the base forces. The modes are not slowed down by the viscosity
+// of the rest: x + pace (base − x) shall go all their way.
+void CondensedContact::add_swing(double pace) noexcept {
+  if (modal_.is_empty()) return;
+  const Eigen::VectorXd& after = modal_.amount_after(base_forces_newton_);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
+    bases_m_[i] = positions_m_[i] +
+                  (modal_.at(i, after) - (1.0 - pace) * modal_.at(i, modal_.amount())) / pace;
+  }
+}
+
 CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m, int most_sweeps,
                                        double tolerance_m, double step_s) noexcept {
   CondensedReport report;
   // x + β (x − x_before)/h = what the compliance gives: x goes so far of the way there
-  const double relaxation_s = scale_ * relaxation_s_;
-  const double pace = step_s > 0.0 ? step_s / (step_s + relaxation_s) : 1.0;
-  const auto place_of = [&](std::size_t i) {
-    const Vector3d moved =
-        Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
-    return Vector3d(reached_m_[i] + pace * (positions_m_[i] + moved - reached_m_[i]));
-  };
+  // with branches x + β … + Σ γ (a h + b (x − x_before)) is that, h the way that each remembers
+  double hindered = 0.0;  // by the branches, over what the springs alone let go
+  std::array<BranchStep, kMostBranches> steps{};
+  if (step_s > 0.0) {
+    for (std::size_t b = 0; b < branches_.size(); ++b) {
+      steps[b] = branch_step(branches_, b, step_s);
+      hindered += steps[b].stiffness * steps[b].gained;
+    }
+  }
+  const double pace = pace_of(scale_ * relaxation_s_ + hindered * step_s, step_s);
+  const std::vector<Vector3d>& bases_m = modal_.is_empty() ? positions_m_ : bases_m_;
   const Vector3d way = has_centre_ ? Vector3d(centre_m - centre_m_) : Vector3d(Vector3d::Zero());
   centre_m_ = centre_m;
   has_centre_ = true;
+  begin_swing(step_s, pace);
   start_between(sum_of_forces_newton());
-  report.sweeps = sweep({.count = static_cast<std::size_t>(count_),
-                         .compliance_m_per_newton = among_.data(),
-                         .stride = stride_,
-                         .base_m = positions_m_.data(),
-                         .rigid_give_m_per_newton = rigid_give_.data(),
-                         .normals = normals_.data(),
-                         .forces_newton = forces_newton_.data(),
-                         .moved_m = displacements_m_.data(),
-                         .center_m = centre_m,
-                         .radius_m = radius_m,
-                         .friction_coefficient = friction_coefficient_,
-                         .way_m = way,
-                         .reached_m = reached_m_.data(),
-                         .pace = pace},
-                        most_sweeps, std::numeric_limits<int>::max(), tolerance_m);
+  add_swing(pace);
+  for (std::size_t i = 0; i < held_m_.size(); ++i) {
+    held_m_[i] = bases_m[i];
+    for (std::size_t b = 0; b < branches_.size(); ++b) {
+      held_m_[i] -= steps[b].stiffness * steps[b].kept * ways_m_[b][i];
+    }
+  }
+  const SphereSweep sphere{.count = static_cast<std::size_t>(count_),
+                           .compliance_m_per_newton = in_step().data(),
+                           .stride = stride_,
+                           .base_m = branches_.empty() ? bases_m.data() : held_m_.data(),
+                           .rigid_give_m_per_newton = rigid_give_.data(),
+                           .normals = normals_.data(),
+                           .forces_newton = forces_newton_.data(),
+                           .moved_m = displacements_m_.data(),
+                           .center_m = centre_m,
+                           .radius_m = radius_m,
+                           .friction_coefficient = friction_coefficient_,
+                           .way_m = way,
+                           .reached_m = reached_m_.data(),
+                           .pace = pace};
+  report.sweeps = sweep(sphere, most_sweeps, std::numeric_limits<int>::max(), tolerance_m);
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    reached_m_[i] = place_of(i);
+    const Vector3d before_m = reached_m_[i];
+    reached_m_[i] = place_of(sphere, i);
+    for (std::size_t b = 0; b < branches_.size(); ++b) {
+      ways_m_[b][i] = steps[b].kept * ways_m_[b][i] + steps[b].gained * (reached_m_[i] - before_m);
+    }
     report.deepest_m = std::max(report.deepest_m, radius_m - (reached_m_[i] - centre_m).norm());
     report.touching += forces_newton_[i].isZero(0.0) ? 0 : 1;
     report.force_on_sphere_newton -= forces_newton_[i];
   }
+  if (!modal_.is_empty()) modal_.move(forces_newton_);
   const double sum_newton = sum_of_forces_newton();
   if (checked_ratio_ > 0.0) {
     const double beyond_newton = std::max(0.0, sum_newton - equilibria_.back().sum_newton);

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "physics_node/elastic/condensed/slow_modes.h"
+#include "physics_node/elastic/relaxation.h"
 #include "physics_node/elastic/sphere_contact.h"
 #include "physics_node/elastic/warped_factor.h"
 
@@ -87,8 +89,9 @@ struct CondensedReport {
   double error_bound_newton = 0.0;
 };
 
-/// Quasi-static contact of a rigid sphere with at most kMostPoints points of a surface, from one or
-/// several full solutions with the forces in them: unilateral, Coulomb friction.
+/// Contact of a rigid sphere, quasi-static but for swing(), with at most kMostPoints points of a
+/// surface, from one or several full solutions with the forces in them: unilateral, Coulomb
+/// friction.
 class CondensedContact {
  public:
   static constexpr int kMostPoints = 64;
@@ -107,14 +110,24 @@ class CondensedContact {
                const std::vector<Vector3d>& forces_on_body_newton, const Vector3d& centre_m,
                int most_points);
 
+  /// After prepare(), before relax(): in steps of some length these modes of the body move as their
+  /// inertia lets them, from the full solution of prepare() on; in steps of no length they are at
+  /// rest. move_surface() does not know of it. Allocates.
+  /// @param from_m  must outlive this, as the modes: the undeformed or untouched body
+  /// @param v_m_per_s, a_m_per_s2  of all nodes in the full solution
+  void swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,
+             const VectorXd& from_m, const VectorXd& v_m_per_s, const VectorXd& a_m_per_s2);
+
   /// After prepare(), before add_equilibrium(): the body is viscous, so that its forces balance
   /// K x + relaxation_s K₀ ẋ [Rayleigh's β], and in the full solution of prepare() it moved like
   /// this. In a step of some length the points then follow at the rate of this filter, and the
   /// viscous part of a force is not taken for a deformation. Where the compliance is scaled, K is
-  /// another than K₀, which the viscosity keeps.
+  /// another than K₀, which the viscosity keeps. The branches of the body act on the ways of the
+  /// points as on its forces: in a step they give way by 1/(1 + Σ γ b) of C at once.
   /// @param v_m_per_s  of all nodes   @param relaxation_s  ≥ 0
+  /// @param memory     of the body then; null: it has no branches
   void relax(const std::vector<SurfacePoint>& points, const VectorXd& v_m_per_s,
-             double relaxation_s);
+             double relaxation_s, const Relaxation* memory = nullptr);
 
   /// One more equilibrium, with its forces, beside that of prepare(): a step starts from between
   /// the two whose sums of forces are the nearest, and the compliance is scaled so that it gives
@@ -122,10 +135,11 @@ class CondensedContact {
   /// has a force on a point that was not chosen, as much force as one that is there, or if the
   /// compliance would have to change by more than a factor of two: then the body moves.
   /// @param v_m_per_s  of all nodes in it; null: at rest
+  /// @param creep_m    of all nodes in it @see Relaxation; null or empty: all has relaxed
   /// @return  whether it is there now
   bool add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                        const std::vector<Vector3d>& forces_on_body_newton,
-                       const VectorXd* v_m_per_s = nullptr);
+                       const VectorXd* v_m_per_s = nullptr, const VectorXd* creep_m = nullptr);
 
   /// The relative error of the way of the points that a ContactCheck found: reports bound the error
   /// of the force with it.
@@ -162,17 +176,27 @@ class CondensedContact {
     double sum_newton = 0.0;  // of the forces' sizes
     std::vector<Vector3d> positions_m;
     std::vector<Vector3d> rates_m;        // relaxation_s ẋ; empty: at rest
+    std::vector<Vector3d> creeps_m = {};  // of the branches; empty: all has relaxed
     std::vector<Vector3d> forces_newton;  // on the body
     std::vector<float> surface_m;         // moved since that of prepare()
   };
   [[nodiscard]] bool is_usable(const std::vector<Vector3d>& forces_on_body_newton) const;
   [[nodiscard]] double sum_of_forces_newton() const noexcept;
   void start_between(double sum_newton) noexcept;
+  [[nodiscard]] std::vector<Vector3d> rates_of(const std::vector<SurfacePoint>& points,
+                                               const VectorXd& v_m_per_s) const;
+  void begin_swing(double step_s, double pace) noexcept;
+  void add_swing(double pace) noexcept;
   [[nodiscard]] bool scale_compliance();
+  [[nodiscard]] const std::vector<float>& in_step() const noexcept {
+    return modal_.is_empty() ? among_ : stepped_;
+  }
   // Where the body of this equilibrium would come to rest under its forces.
   [[nodiscard]] Vector3d rest_of(const Equilibrium& one, std::size_t point) const noexcept {
-    return one.rates_m.empty() ? one.positions_m[point]
-                               : Vector3d(one.positions_m[point] + scale_ * one.rates_m[point]);
+    Vector3d rest_m = one.positions_m[point];
+    if (!one.rates_m.empty()) rest_m += scale_ * one.rates_m[point];
+    if (!one.creeps_m.empty()) rest_m += one.creeps_m[point];
+    return rest_m;
   }
 
   int count_ = 0;
@@ -188,16 +212,23 @@ class CondensedContact {
   std::vector<Vector3d> forces_newton_;  // on the body
   std::vector<Vector3d> reached_m_;      // the points at the end of the last step
   std::vector<float> displacements_m_;   // that the compliance adds, 3 each
-  std::vector<float> among_;             // column-major 3n × 3n
-  std::vector<float> onto_surface_;      // column-major, 3 rows per surface node
+  std::vector<float> among_;             // column-major 3n × 3n; without the modes of modal_
+  ModalMotion modal_;
+  std::vector<float> stepped_;       // among_ and what the modes give way in a step of this pace
+  double stepped_pace_ = 0.0;        // 0: among_ was changed
+  std::vector<Vector3d> bases_m_;    // positions_m_, and where the modes go under the base forces
+  std::vector<float> onto_surface_;  // column-major, 3 rows per surface node
   std::size_t surface_stride_ = 0;
   std::array<Vector3d, kMostPoints> normals_;  // of the sphere at the points, in a step
   Vector3d centre_m_ = Vector3d::Zero();
   bool has_centre_ = false;
   double relaxation_s_ = 0.0;
-  double checked_ratio_ = 0.0;    // of bound_by(); 0: nothing was checked
-  double scale_ = 1.0;            // of the compliance
-  double last_way_newton_ = 0.0;  // sum of forces between the last two equilibria
+  std::vector<Branch> branches_;
+  std::vector<std::vector<Vector3d>> ways_m_;  // h of each branch, of each point
+  std::vector<Vector3d> held_m_;               // positions_m_ less what the branches hold
+  double checked_ratio_ = 0.0;                 // of bound_by(); 0: nothing was checked
+  double scale_ = 1.0;                         // of the compliance
+  double last_way_newton_ = 0.0;               // sum of forces between the last two equilibria
 };
 
 }  // namespace palpate::elastic

@@ -25,6 +25,7 @@
 #include "common/telemetry/quantile.h"
 #include "tests/bench/audience/web_audience.h"
 #include "tests/bench/bench_output.h"
+#include "tests/support/peak_memory.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -37,6 +38,8 @@ using test::Program;
 
 constexpr double kRateHz = 1000.0;
 constexpr double kAudienceHz = 10.0;
+/// With reconnects: the clients share one processor with their server here.
+constexpr double kReconnectHz = 2.0;
 constexpr auto kPatience = std::chrono::minutes(3);
 constexpr int kFollowers = 20;  // of the relay, in the row that shows what one costs
 // of the estimate on paper
@@ -75,17 +78,19 @@ double processor_s(pid_t pid) {
 /// A relay, and a viewer_node that follows it.
 class Viewers {
  public:
-  Viewers(const std::string& session, const std::string& endpoint, std::size_t clients)
+  Viewers(const std::string& session, const std::string& endpoint, std::size_t clients,
+          double rate_hz = kAudienceHz)
       : relay_("viewer_node", {"--session", session, "--quiet", "--no-web", "--publish", endpoint}),
         viewer_((relay_.await_err("event=relay endpoint="), "viewer_node"),
                 {"--session", session, "--quiet", "--follow", endpoint, "--listen", "127.0.0.1:0",
                  "--audience", std::to_string(clients), "--audience-rate",
-                 fmt::format("{}", kAudienceHz)}) {
+                 fmt::format("{}", rate_hz)}) {
     const std::string url = viewer_.await_err("event=web url=http://127.0.0.1:");
     if (url.empty()) throw SetupError("viewer_node does not serve:\n" + viewer_.err());
     port_ = static_cast<std::uint16_t>(std::stoi(url));
   }
   [[nodiscard]] std::uint16_t port() const { return port_; }
+  [[nodiscard]] pid_t viewer_pid() const { return viewer_.pid(); }
   [[nodiscard]] double relay_s() const { return processor_s(relay_.pid()); }
   [[nodiscard]] double viewer_s() const { return processor_s(viewer_.pid()); }
 
@@ -211,13 +216,7 @@ class Bench {
       meshes += count;
       rates_hz.push_back(count / span_s);
     }
-    std::vector<double> lateness_us;
-    double answered = 0.0;
-    for (std::size_t i = first; i < watcher_.rows().size(); ++i) {
-      const DeviceTick& tick = watcher_.rows()[i].device;
-      lateness_us.push_back(1e6 * to_seconds(tick.lateness));
-      answered += tick.is_answered ? 1.0 : 0.0;
-    }
+    auto [lateness_us, answered_percent] = ticks_since(first);
     const double all = static_cast<double>(clients);
     const Load load{.viewer_percent = 100.0 * (after.viewer_s - before.viewer_s) / span_s,
                     .relay_percent = 100.0 * (after.relay_s - before.relay_s) / span_s,
@@ -229,11 +228,52 @@ class Bench {
          1e-6 * load.bytes_per_s, (after.messages - before.messages) / span_s, load.viewer_percent,
          load.relay_percent, 100.0 * (after.clients_s - before.clients_s) / span_s, joined_s,
          quantile(lateness_us, 0.5), quantile(lateness_us, 0.99), quantile(lateness_us, 0.999),
-         100.0 * answered / static_cast<double>(lateness_us.size())});
+         answered_percent});
     return load;
   }
 
+  /// All clients of an audience come back at once, `times` times; a row each, the first without.
+  void measure_reconnects(std::size_t clients, std::size_t times, const std::string& relay_endpoint,
+                          Table& table) {
+    const Viewers viewers(session_, relay_endpoint, clients, kReconnectHz);
+    WebAudience audience(viewers.port(), clients);
+    for (std::size_t round = 0; round <= times; ++round) {
+      test::restart_peak_memory(viewers.viewer_pid());
+      const std::size_t retries = audience.retries();
+      const std::size_t first = watcher_.rows().size();
+      const auto begin = std::chrono::steady_clock::now();
+      if (round > 0) audience.reconnect();
+      await_scenes(audience, clients);
+      const double joined_s =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      wait_for(ticks_);
+      if (audience.lost() > 0) {
+        throw SetupError(fmt::format("{} clients were lost", audience.lost()));
+      }
+      Ticks ticks = ticks_since(first);
+      table.add({static_cast<double>(round), static_cast<double>(clients), joined_s,
+                 static_cast<double>(audience.retries() - retries),
+                 static_cast<double>(audience.lost()), test::peak_memory_mib(viewers.viewer_pid()),
+                 quantile(ticks.lateness_us, 0.99), ticks.answered_percent});
+    }
+  }
+
  private:
+  struct Ticks {
+    std::vector<double> lateness_us;
+    double answered_percent = kNaN;
+  };
+  [[nodiscard]] Ticks ticks_since(std::size_t first) const {
+    Ticks ticks;
+    double answered = 0.0;
+    for (std::size_t i = first; i < watcher_.rows().size(); ++i) {
+      const DeviceTick& tick = watcher_.rows()[i].device;
+      ticks.lateness_us.push_back(1e6 * to_seconds(tick.lateness));
+      answered += tick.is_answered ? 1.0 : 0.0;
+    }
+    ticks.answered_percent = 100.0 * answered / static_cast<double>(ticks.lateness_us.size());
+    return ticks;
+  }
   /// On processor 0; everything that is started later runs on the others.
   static std::unique_ptr<Program> start(const std::string& session) {
     const std::size_t processors = std::thread::hardware_concurrency();
@@ -263,7 +303,9 @@ class Bench {
   test::Watcher watcher_;
 };
 
-void measure_audience(const BenchOptions& options, std::size_t clients, double seconds) {
+/// @param reconnects  0: the cost of the audience; else all clients come back so many times
+void measure_audience(const BenchOptions& options, std::size_t clients, double seconds,
+                      std::size_t reconnects) {
   // each client of this program is a file descriptor here and one in viewer_node
   rlimit files{};
   if (getrlimit(RLIMIT_NOFILE, &files) == 0) {
@@ -273,6 +315,20 @@ void measure_audience(const BenchOptions& options, std::size_t clients, double s
   const test::TempFolder folder;
   const std::string session = folder.write("audience.txtpb", kAudienceSession);
   const std::string relay = "ipc://" + (folder.path() / "relay" / "hop5").string();
+  if (reconnects > 0) {
+    Table table({{"round", "round", "{:.0f}"},
+                 {"clients", "clients", "{:.0f}"},
+                 {"joined_s", "all have the scene after s", "{:.1f}"},
+                 {"retries", "attempts refused", "{:.0f}"},
+                 {"lost", "disconnected", "{:.0f}"},
+                 {"viewer_peak_mib", "viewer_node, MiB at most", "{:.0f}"},
+                 {"lateness_p99_us", "lateness p99 µs", "{:.0f}"},
+                 {"answered_percent", "answered %", "{:.2f}"}});
+    Bench(session, seconds).measure_reconnects(clients, reconnects, relay, table);
+    table.publish(options);
+    std::printf("Round 0: they join one after another. Load average %s.\n", machine_load().c_str());
+    return;
+  }
   Table table({{"clients", "clients", "{:.0f}"},
                {"followers", "followers of the relay", "{:.0f}"},
                {"meshes_per_s", "meshes/s and client", "{:.1f}"},
@@ -330,12 +386,17 @@ int main(int argc, char** argv) {
   app.add_option("--clients", clients, "of viewer_node (default: 1000)")
       ->type_name("N")
       ->check(CLI::Range(10, 10'000));
+  std::size_t reconnects = 0;
+  app.add_option("--reconnects", reconnects,
+                 "instead: all clients leave and come back at once, N times")
+      ->type_name("N")
+      ->check(CLI::Range(1, 100));
   app.add_option("--seconds", seconds, "of each row (default: 60; with --quick 10)")
       ->type_name("S")
       ->check(CLI::Range(1.0, 3600.0));
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
     const palpate::test::RunFolder run_folder;  // apart from other sessions
     if (options.is_quick && app.count("--seconds") == 0) seconds = 10.0;
-    palpate::bench::measure_audience(options, clients, seconds);
+    palpate::bench::measure_audience(options, clients, seconds, reconnects);
   });
 }

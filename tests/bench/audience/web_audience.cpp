@@ -3,14 +3,18 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/websocket.hpp>
 #include <cmath>
 #include <ctime>
 #include <functional>
+#include <future>
+#include <random>
 #include <string>
 #include <thread>
 #include <utility>
@@ -40,8 +44,9 @@ class WebAudienceClient : public std::enable_shared_from_this<WebAudienceClient>
   WebAudienceClient(WebAudience& audience, asio::io_context& io, std::size_t index)
       : audience_(audience), index_(index), socket_(io) {}
 
+  using Done = std::function<void(bool is_subscribed)>;
   /// Calls `done` when it has subscribed or failed.
-  void connect(std::uint16_t port, std::function<void()> done) {
+  void connect(std::uint16_t port, Done done) {
     const tcp::endpoint server(asio::ip::address_v4::loopback(), port);
     beast::get_lowest_layer(socket_).async_connect(
         server, [self = shared_from_this(), done = std::move(done)](const error_code& error) {
@@ -50,8 +55,14 @@ class WebAudienceClient : public std::enable_shared_from_this<WebAudienceClient>
         });
   }
 
+  void leave() {
+    has_left_ = true;
+    error_code ignored;
+    beast::get_lowest_layer(socket_).close(ignored);
+  }
+
  private:
-  void upgrade(const std::function<void()>& done) {
+  void upgrade(const Done& done) {
     socket_.set_option(websocket::stream_base::decorator([](websocket::request_type& request) {
       request.set(beast::http::field::sec_websocket_protocol, "foxglove.sdk.v1");
     }));
@@ -62,20 +73,20 @@ class WebAudienceClient : public std::enable_shared_from_this<WebAudienceClient>
                               self->subscribe(done);
                             });
   }
-  void subscribe(const std::function<void()>& done) {
+  void subscribe(const Done& done) {
     socket_.text(true);
     socket_.async_write(asio::buffer(subscription_),
                         [self = shared_from_this(), done](const error_code& error, std::size_t) {
                           if (error) return self->lose(done);
                           self->read();
-                          done();
+                          done(true);
                         });
   }
   void read() {
     socket_.async_read(buffer_,
                        [self = shared_from_this()](const error_code& error, std::size_t bytes) {
                          if (error) {
-                           ++self->audience_.lost_;
+                           if (!self->has_left_) ++self->audience_.lost_;
                            return;
                          }
                          self->count(bytes);
@@ -96,10 +107,7 @@ class WebAudienceClient : public std::enable_shared_from_this<WebAudienceClient>
     ++audience_.meshes_[index_];
     audience_.mesh_bytes_ += bytes;
   }
-  void lose(const std::function<void()>& done) {
-    ++audience_.lost_;
-    done();
-  }
+  static void lose(const Done& done) { done(false); }
 
   WebAudience& audience_;
   std::size_t index_;
@@ -107,6 +115,7 @@ class WebAudienceClient : public std::enable_shared_from_this<WebAudienceClient>
   beast::flat_buffer buffer_;
   std::string subscription_ = kSubscribe;
   bool has_scene_ = false;
+  bool has_left_ = false;
 };
 
 class WebAudience::Impl {
@@ -122,6 +131,17 @@ class WebAudience::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
+  void reconnect() {
+    std::promise<void> left;
+    asio::post(io_, [&] {
+      for (const auto& client : clients_) client->leave();
+      audience_.with_scene_ = 0;
+      for (std::size_t i = 0; i < clients_.size(); ++i) come_back(i, kFirstRetry_s);
+      left.set_value();
+    });
+    left.get_future().wait();
+  }
+
   [[nodiscard]] double processor_s() {
     clockid_t clock{};
     timespec used{};
@@ -133,17 +153,39 @@ class WebAudience::Impl {
   }
 
  private:
+  static constexpr double kFirstRetry_s = 0.25;
+  static constexpr double kLastRetry_s = 2.0;
+
+  std::shared_ptr<WebAudienceClient> client(std::size_t index) {
+    return clients_[index] = std::make_shared<WebAudienceClient>(audience_, io_, index);
+  }
   void connect_next() {
-    if (next_ == audience_.clients_) return;
-    std::make_shared<WebAudienceClient>(audience_, io_, next_++)->connect(port_, [this] {
+    if (clients_.size() == audience_.clients_) return;
+    clients_.emplace_back();
+    client(clients_.size() - 1)->connect(port_, [this](bool is_subscribed) {
+      if (!is_subscribed) ++audience_.lost_;
       asio::post(io_, [this] { connect_next(); });
+    });
+  }
+  void come_back(std::size_t index, double retry_s) {
+    client(index)->connect(port_, [this, index, retry_s](bool is_subscribed) {
+      if (is_subscribed) return;
+      ++audience_.retries_;
+      const double delay_s = retry_s * std::uniform_real_distribution(0.5, 1.5)(random_);
+      auto timer = std::make_shared<asio::steady_timer>(
+          io_, std::chrono::duration_cast<asio::steady_timer::duration>(
+                   std::chrono::duration<double>(delay_s)));
+      timer->async_wait([this, index, retry_s, timer](const error_code& error) {
+        if (!error) come_back(index, std::min(2.0 * retry_s, kLastRetry_s));
+      });
     });
   }
 
   WebAudience& audience_;
   std::uint16_t port_;
-  std::size_t next_ = 0;
+  std::mt19937 random_{1};
   asio::io_context io_{1};
+  std::vector<std::shared_ptr<WebAudienceClient>> clients_;
   std::thread thread_;
 };
 
@@ -159,6 +201,7 @@ std::vector<std::uint64_t> WebAudience::meshes() const {
   return counts;
 }
 
+void WebAudience::reconnect() { impl_->reconnect(); }
 double WebAudience::processor_s() const { return impl_->processor_s(); }
 
 }  // namespace palpate::bench

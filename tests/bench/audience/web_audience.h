@@ -19,9 +19,16 @@ class WebAudience {
   WebAudience(const WebAudience&) = delete;
   WebAudience& operator=(const WebAudience&) = delete;
 
-  /// Clients that have received the scene, and those whose connection has failed or ended.
+  /// All clients leave at once and connect at once, as after a failure of the network: each tries
+  /// again like a page that does not get in, after ¼ s, ½ s, … 2 s with jitter. with_scene() begins
+  /// anew. Returns when all have left.
+  void reconnect();
+
+  /// Clients that have received the scene, and those whose connection has failed or ended by
+  /// itself; attempts of reconnect() that did not get in.
   [[nodiscard]] std::size_t with_scene() const { return with_scene_; }
   [[nodiscard]] std::size_t lost() const { return lost_; }
+  [[nodiscard]] std::size_t retries() const { return retries_; }
 
   /// Since the start; of all clients.
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
@@ -37,6 +44,7 @@ class WebAudience {
   friend class WebAudienceClient;
   std::atomic<std::size_t> with_scene_{0};
   std::atomic<std::size_t> lost_{0};
+  std::atomic<std::size_t> retries_{0};
   std::atomic<std::uint64_t> bytes_{0};
   std::atomic<std::uint64_t> messages_{0};
   std::atomic<std::uint64_t> mesh_bytes_{0};

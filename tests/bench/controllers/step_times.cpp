@@ -42,15 +42,16 @@ std::vector<double> step_times_us(const MofcConfig& config) {
     const Vector3 v(0, 0, 0.025 * std::cos(6.28e-3 * k));
     const auto force = probe.at(state.hand_position_m, v);
     const controllers::AppliedStretch stretch{1e-3, acting, state.hand_position_m, true};
-    const controllers::ControlInput input{.hand_position_m = state.hand_position_m,
-                                          .applied = {&stretch, k > 0 ? 1U : 0U},
-                                          .acting_force_on_hand_newton = acting,
-                                          .asked_force_on_hand_newton = force.force_on_hand_newton,
-                                          .stored_energy_joule = force.stored_energy_joule,
-                                          .hand_velocity_m_per_s = v,
-                                          .evaluated_at_m = state.hand_position_m,
-                                          .surface_normal = probe.surface_normal(),
-                                          .tissue = &probe};
+    const controllers::ControlInput input{
+        .hand_position_m = state.hand_position_m,
+        .applied = {&stretch, k > 0 ? 1U : 0U},
+        .acting_force_on_hand_newton = acting,
+        .requested_force_on_hand_newton = force.force_on_hand_newton,
+        .stored_energy_joule = force.stored_energy_joule,
+        .hand_velocity_m_per_s = v,
+        .evaluated_at_m = state.hand_position_m,
+        .surface_normal = probe.surface_normal(),
+        .tissue = &probe};
     const auto begin = std::chrono::steady_clock::now();
     acting = controller->step(input).force_on_hand_newton;
     const std::chrono::duration<double, std::micro> elapsed =

@@ -2,7 +2,8 @@
 // elastic_paths: the force of a session's elastic tissue along prescribed paths of the tip, without
 // network or device, against full solutions of the same mesh every 0.5 ms. Open loop, on a virtual
 // clock: the same on every machine. Presses, slides and circles, thin plates, rims, fixed places,
-// viscosity, a tip that appears inside.
+// viscosity, a tip that appears inside. With a network, what mofc_node makes of them at its other
+// end.
 #include <spdlog/fmt/fmt.h>
 
 #include <time.h>
@@ -30,6 +31,7 @@
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/elastic/delayed_force.h"
 
 namespace {
 
@@ -134,6 +136,7 @@ class Paths {
       press(fmt::format("block, viscosity {} ms, 6 mm at 100 mm/s", ms), scene, on_block, down,
             6e-3, 0.1);
     }
+    taps("block, two taps of 4 mm at 150 mm/s", scene_of(block), on_block, down, 4e-3, 0.15);
     press("block, 10 mm at 1 m/s", scene_of(block), on_block, down, 10e-3, 1.0);
     appear("block, tip appears 4 mm deep", scene_of(block), on_block, down, 4e-3);
     return std::move(paths_);
@@ -181,6 +184,20 @@ class Paths {
     const double seconds = 2.0 * (depth_m + kAbove_m) / speed_m_per_s + kHold_s;
     paths_.push_back({name, scene, seconds, kLeadTicks, [=](double time_s) {
                         return Vector3(touch_m + press_m(time_s, depth_m, speed_m_per_s) * way);
+                      }});
+  }
+
+  /// Down and up twice, to kAbove_m above the surface.
+  void taps(const std::string& name, const SceneConfig& scene, const Vector3& from_m,
+            const Vector3& way, double depth_m, double speed_m_per_s) {
+    const Vector3 touch_m =
+        first_touch_m(*elastic_bodies_of(scene).front(), scene.tip_radius_m, from_m, way);
+    const double way_m = depth_m + kAbove_m;
+    const double tap_s = 2.0 * way_m / speed_m_per_s;
+    paths_.push_back({name, scene, 2.0 * tap_s + 0.05, kLeadTicks, [=](double time_s) {
+                        const double in_s = time_s < 2.0 * tap_s ? std::fmod(time_s, tap_s) : 0.0;
+                        const double down_m = speed_m_per_s * std::min(in_s, tap_s - in_s);
+                        return Vector3(touch_m + (down_m - kAbove_m) * way);
                       }});
   }
 
@@ -271,6 +288,8 @@ struct Figures {
   double failed = 0.0;
   double step_us = 0.0;   // median; most steps make no full solution
   double solve_ms = 0.0;  // mean
+  double p99_us = 0.0;
+  double kilobytes_per_s = 0.0;
 };
 
 Figures compare(const Forces& force, const Forces& ideal) {
@@ -317,6 +336,40 @@ double thread_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+void trace(const Path& path, const Forces& forces, const Forces& ideal,
+           const std::vector<double>& us, const std::string& file) {
+  if (file.empty()) return;
+  std::ofstream out(file);
+  for (std::size_t i = 0; i < forces.size(); ++i) {
+    const Vector3 tip_m = path.tip_m(kTick_s * static_cast<double>(i));
+    out << i << ' ' << tip_m.transpose() << "  " << forces[i].transpose() << "  "
+        << ideal[i].transpose() << ' ' << us[i] << '\n';
+  }
+}
+
+/// `share` of the values are at most this.
+double quantile_of(std::vector<double> values, double share) {
+  const auto place =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
+}
+
+/// At the other end of hop 3.
+Figures run_delayed(const Path& path, const Forces& ideal, const bench::Network& network,
+                    const std::string& trace_file) {
+  const int lead_ticks =
+      path.lead_ticks == 0 ? 0 : path.lead_ticks + static_cast<int>(2e3 * network.delay_s) + 200;
+  const bench::DelayedForces found =
+      bench::delayed_forces(path.scene, path.tip_m, path.seconds, lead_ticks, network);
+  trace(path, found.newton, ideal, found.us, trace_file);
+  Figures figures = compare(found.newton, ideal);
+  figures.step_us = quantile_of(found.us, 0.5);
+  figures.p99_us = quantile_of(found.us, 0.99);
+  figures.kilobytes_per_s = 1e-3 * found.bytes_per_s;
+  return figures;
+}
+
 Figures run(const Path& path, const Forces& ideal, const std::filesystem::path& columns_folder,
             const std::string& trace_file) {
   const auto tissues = ElasticTissues::of(path.scene, 1, ElasticPace::kVirtual, columns_folder);
@@ -331,22 +384,15 @@ Figures run(const Path& path, const Forces& ideal, const std::filesystem::path& 
     us.push_back(1e6 * (thread_s() - begin_s));
     forces.push_back(force.force_on_tool_newton);
   }
-  if (!trace_file.empty()) {
-    std::ofstream out(trace_file);
-    for (std::size_t i = 0; i < forces.size(); ++i) {
-      const Vector3 tip_m = path.tip_m(kTick_s * static_cast<double>(i));
-      out << i << ' ' << tip_m.transpose() << "  " << forces[i].transpose() << "  "
-          << ideal[i].transpose() << ' ' << us[i] << '\n';
-    }
-  }
+  trace(path, forces, ideal, us, trace_file);
   Figures figures = compare(forces, ideal);
   PhysicsCounters counters;
   tissues->count_into(counters);
   figures.failed = static_cast<double>(counters.elastic_solves_failed);
+  figures.p99_us = quantile_of(us, 0.99);
   double sum_us = 0.0;
   for (const double one : us) sum_us += one;
-  std::nth_element(us.begin(), us.begin() + static_cast<std::ptrdiff_t>(us.size() / 2), us.end());
-  figures.step_us = us[us.size() / 2];
+  figures.step_us = quantile_of(us, 0.5);
   figures.solve_ms = 1e-3 * sum_us / std::max(1.0, static_cast<double>(counters.elastic_solves));
   return figures;
 }
@@ -361,14 +407,36 @@ int main(int argc, char** argv) {
   BenchOptions options;
   std::string only;
   std::string kept;
-  std::string trace;
+  std::string trace_file;
+  bench::Network network;
+  double delay_ms = 0.0;
+  double stall_ms = 0.0;
   app.add_option("--only", only, "Only the paths whose name contains this text");
   app.add_option("--keep", kept,
                  "Folder in which the references are kept for the next run: only while neither "
                  "paths nor full solutions change");
-  app.add_option("--trace", trace,
+  app.add_option("--trace", trace_file,
                  "File for the last path: tick, tip [m], force [N], reference [N], time [us]");
+  const CLI::Option* const delay =
+      app.add_option(
+             "--delay-ms", delay_ms,
+             "Through hop 3, with so much delay each way [ms]: the force is that of mofc_node")
+          ->check(CLI::Range(0.0, 1e3));
+  app.add_option("--loss", network.loss_ratio, "Share of the messages lost each way")
+      ->needs("--delay-ms")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--physics-hz", network.physics_hz, "Steps of physics per second")
+      ->needs("--delay-ms")
+      ->check(CLI::Range(1.0, 1e3));
+  app.add_option("--stall-ms", stall_ms, "Physics stands still so long, every half second [ms]")
+      ->needs("--delay-ms")
+      ->check(CLI::Range(0.0, 500.0));
+  app.add_flag("!--no-rate", network.has_rate,
+               "As for a mofc_node that takes the viscous part of a force for elastic")
+      ->needs("--delay-ms");
   return bench::run_bench(app, options, argc, argv, [&] {
+    network.delay_s = 1e-3 * delay_ms;
+    network.stall_s = 1e-3 * stall_ms;
     const std::filesystem::path folder =
         std::filesystem::temp_directory_path() / fmt::format("elastic_paths_{}", ::getpid());
     std::filesystem::create_directories(folder);
@@ -383,14 +451,17 @@ int main(int argc, char** argv) {
                  {"jump_newton", "jump N", "{:.2f}"},
                  {"failed", "failed", "{:.0f}"},
                  {"step_us", "step us", "{:.0f}"},
-                 {"solve_ms", "solve ms", "{:.1f}"}});
+                 {"solve_ms", "solve ms", "{:.1f}"},
+                 {"p99_us", "p99 us", "{:.0f}"},
+                 {"kilobytes_per_s", "kB/s", "{:.0f}"}});
     for (const Path& path : Paths(folder).all()) {
       if (path.name.find(only) == std::string::npos) continue;
       const Forces ideal = kept_reference_of(path, kept);
-      const Figures at = run(path, ideal, folder, trace);
+      const Figures at = delay->count() > 0 ? run_delayed(path, ideal, network, trace_file)
+                                            : run(path, ideal, folder, trace_file);
       table.add({path.name, at.peak_newton, at.gain, at.rms, at.worst_newton, at.overshoot,
                  static_cast<double>(at.lost_ticks), at.most_over_newton, at.jump_newton, at.failed,
-                 at.step_us, at.solve_ms});
+                 at.step_us, at.solve_ms, at.p99_us, at.kilobytes_per_s});
     }
     std::filesystem::remove_all(folder);
     table.publish(options);

@@ -35,7 +35,7 @@ inline double rendered_share(std::span<const TickRow> rows, Duration lease) {
   for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
     const DeviceTick& tick = rows[i].device;
     const TimePoint next = rows[i + 1].device.sampled_at;
-    if (rows[i].mofc) requested = rows[i].mofc->asked_force_on_hand_newton;
+    if (rows[i].mofc) requested = rows[i].mofc->requested_force_on_hand_newton;
     const TimePoint switched_at = std::clamp(tick.switched_at, tick.sampled_at, next);
     add(tick.sampled_at, switched_at);
     acting = tick.force_on_hand_newton;

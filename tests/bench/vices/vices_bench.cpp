@@ -199,6 +199,10 @@ void print_runs(const char* what, std::uint64_t runs,
     const test::VicedResult result = test::run_with_vices(make_run(seed), books, seed);
     least = std::min(least, result.least_true_joule);
     unbooked = std::max(unbooked, result.most_unbooked_joule);
+    if (seed % 1000 == 0) {
+      std::fprintf(stderr, "%s: %llu runs, so far %.3g µJ\n", what,
+                   static_cast<unsigned long long>(seed), 1e6 * least);
+    }
   }
   std::printf("%s: %llu runs, least true energy %.3g µJ, books above it by at most %.3g µJ\n", what,
               static_cast<unsigned long long>(runs), 1e6 * least, 1e6 * unbooked);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <future>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -174,6 +175,31 @@ TEST(ConformDevice, NamesWhatFallsShortWithARemedy) {
   EXPECT_FALSE(reading->is_good);
   EXPECT_THAT(reading->text, HasSubstr("norm 2"));
   EXPECT_THAT(reading->remedy, HasSubstr("unit quaternions"));
+}
+
+TEST(ConformDevice, NamesACallThatDoesNotReturn) {
+  ManualClock clock;
+  std::promise<void> hung;
+  std::shared_future<void> end = hung.get_future().share();
+  device::Driver driver = driver_of(true);
+  driver.open = [end](const Clock& time, const device::StartUp&) {
+    auto opened = std::make_unique<test::ScriptedDevice>(time, true);
+    opened->before_switch = [end] { end.wait(); };
+    return opened;
+  };
+  std::vector<ConformFinding> named;
+  const auto found = conform_device(driver, std::chrono::milliseconds(1), clock,
+                                    {.on_hang =
+                                         [&](const ConformFinding& one) {
+                                           named.push_back(one);
+                                           hung.set_value();
+                                         },
+                                     .hang_after = std::chrono::milliseconds(100)});
+  ASSERT_EQ(named.size(), 1u) << "once";
+  EXPECT_FALSE(named.front().is_good);
+  EXPECT_THAT(named.front().text, HasSubstr("has not returned for 0.1 s"));
+  EXPECT_THAT(named.front().remedy, HasSubstr("after one transfer"));
+  EXPECT_EQ(found.size(), device::device_checks().size()) << "it returned at last";
 }
 
 TEST(ConformDevice, MovesHardwareOnlyIfToldTo) {

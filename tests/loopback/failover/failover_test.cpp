@@ -60,8 +60,8 @@ struct Station {
     double largest = 0.0;
     for (std::size_t i = 1; i < rows.size(); ++i) {
       if (rows[i].device.sampled_at < from || !rows[i].mofc || !rows[i - 1].mofc) continue;
-      largest = std::max(largest, (rows[i].mofc->asked_force_on_hand_newton -
-                                   rows[i - 1].mofc->asked_force_on_hand_newton)
+      largest = std::max(largest, (rows[i].mofc->requested_force_on_hand_newton -
+                                   rows[i - 1].mofc->requested_force_on_hand_newton)
                                       .norm());
     }
     return largest;

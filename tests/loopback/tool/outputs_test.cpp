@@ -161,17 +161,14 @@ class Outputs : public testing::Test {
     with_files_ = {{"palpate", launch, "--json", session_, true},
                    {"palpate", launch, "--csv", path("organ.msh"), false},
                    {"palpate", launch, "--record", path("omni.txtpb"), false}};
-    if (std::system("command -v gmsh >/dev/null") == 0) {  // NOLINT: a fixed text
-      files_.write("corner.obj",
-                   "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\n"
-                   "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
-      with_files_.insert(with_files_.begin(),
-                         {"palpate",
-                          {"mesh", path("corner.obj"), "--edge-m", "0.05", "--given-surface"},
-                          "--output",
-                          path("corner.obj"),
-                          true});
-    }
+    files_.write("corner.obj",
+                 "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\n"
+                 "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    with_files_.insert(with_files_.begin(), {"palpate",
+                                             {"mesh", path("corner.obj"), "--edge-m", "0.01"},
+                                             "--output",
+                                             path("corner.obj"),
+                                             true});
     all_ = lockstep_;
     all_.insert(all_.end(), with_files_.begin(), with_files_.end());
   }
@@ -276,7 +273,7 @@ TEST_F(Outputs, AFullDiskIsAnErrorWithAReason) {
   }
 }
 
-// The nodes of a launch and gmsh need files of their own, so here the disk is really full.
+// The nodes of a launch need files of their own, so here the disk is really full.
 TEST_F(Outputs, AFullDiskIsAnErrorOfProgramsWithOtherFilesToo) {
   const std::string disk = path("disk");
   fs::create_directory(disk);

@@ -354,5 +354,38 @@ TEST(Help, CompletesInBash) {
   EXPECT_EQ(completed("launch x --set viewer.control ="), "false true ");
 }
 
+TEST(Help, CompletesInFish) {
+  if (std::system("command -v fish > /dev/null 2>&1") != 0) GTEST_SKIP() << "fish is not installed";
+  const auto completed = [](const std::string& line) {
+    const std::string script = std::string(PALPATE_BINARY_DIR) +
+                               "/palpate completion fish | source; complete -C '" + line +
+                               "' | string replace -r '\\t.*' ''";
+    return run_program("/usr/bin/fish", {"--no-config", "-c", script}).out;
+  };
+  EXPECT_EQ(completed("palpate launch x --set mofc.mod"), "mofc.mode=\n");
+  EXPECT_EQ(completed("palpate launch x --set mofc.mode=g"), "mofc.mode=guard\n");
+  EXPECT_EQ(completed("palpate loopback x --set viewer.control="),
+            "viewer.control=false\nviewer.control=true\n");
+}
+
+// the two builtins of the completion system are stood in for: they work at a prompt only
+TEST(Help, CompletesInZsh) {
+  if (std::system("command -v zsh > /dev/null 2>&1") != 0) GTEST_SKIP() << "zsh is not installed";
+  const auto completed = [](const std::string& word) {
+    const std::string script =
+        "_arguments() { :; }\n"
+        "compset() { [[ $PREFIX == *=* ]] || return 1; IPREFIX=${PREFIX%%=*}=; "
+        "PREFIX=${PREFIX#*=}; }\n"
+        "compadd() { print -rn -- \"${@[(r)--,-1][2,-1]} \"; }\n"
+        "source <(" +
+        std::string(PALPATE_BINARY_DIR) + "/palpate completion zsh)\nPREFIX='" + word +
+        "'\n_palpate_settings";
+    return run_program("/usr/bin/zsh", {"-f", "-c", script}).out;
+  };
+  EXPECT_THAT(completed("mofc.mod"), HasSubstr(" mofc.mode= "));
+  EXPECT_EQ(completed("mofc.mode="), "paper vector guard ");
+  EXPECT_EQ(completed("viewer.control="), "false true ");
+}
+
 }  // namespace
 }  // namespace palpate

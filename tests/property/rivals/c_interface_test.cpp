@@ -81,7 +81,7 @@ TEST(CInterface, AnswersAsTheClassesDoForEveryName) {
           made->step({.hand_position_m = x,
                       .applied = {&stretch, input.applied_count},
                       .acting_force_on_hand_newton = stretch.force_on_hand_newton,
-                      .asked_force_on_hand_newton = force.force_on_hand_newton,
+                      .requested_force_on_hand_newton = force.force_on_hand_newton,
                       .stored_energy_joule = force.stored_energy_joule,
                       .hand_velocity_m_per_s = {0.0, 0.0, input.hand_velocity_m_per_s[2]},
                       .evaluated_at_m = x,

@@ -87,7 +87,7 @@ class MotionRig {
     const std::size_t seen = places_.size() - 1 - std::min(o_.delay, places_.size() - 1);
     input.evaluated_at_m = {0.0, 0.0, places_[seen]};
     const auto force = tissue_.at(input.evaluated_at_m, {0.0, 0.0, speeds_[seen]});
-    input.asked_force_on_hand_newton = force.force_on_hand_newton;
+    input.requested_force_on_hand_newton = force.force_on_hand_newton;
     input.stored_energy_joule = force.stored_energy_joule;
     input.hand_velocity_m_per_s = {0.0, 0.0, v};
     input.surface_normal =
@@ -157,7 +157,7 @@ inline PressResult press(ForceController& controller, const TissueProbe& tissue,
     const AppliedStretch stretch{rig.T, {0.0, 0.0, acting}, input.hand_position_m, true};
     if (k > 0) input.applied = {&stretch, 1};
     const auto force = tissue.at(input.hand_position_m, {0.0, 0.0, u});
-    input.asked_force_on_hand_newton = force.force_on_hand_newton;
+    input.requested_force_on_hand_newton = force.force_on_hand_newton;
     input.stored_energy_joule = force.stored_energy_joule;
     input.hand_velocity_m_per_s = {0.0, 0.0, u};
     input.evaluated_at_m = input.hand_position_m;

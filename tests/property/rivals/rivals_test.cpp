@@ -222,7 +222,7 @@ TEST(PassivityControl, CorrectsOneSampleLate) {
     rig.step_to(rig.z() + kStep);
     if (before >= -kRounding) continue;
     ++missing;
-    EXPECT_NEAR(rig.work_joule, -rig.input.asked_force_on_hand_newton.z() * kStep, kRounding);
+    EXPECT_NEAR(rig.work_joule, -rig.input.requested_force_on_hand_newton.z() * kStep, kRounding);
   }
   EXPECT_LT(rig.least_joule, -1e-5);
   EXPECT_GE(missing, 1);
@@ -293,12 +293,13 @@ TEST(MemoryBased, ReversalsAtEverySampleStarveTheForce) {
   MotionRig rig(memory, tissue, {.T = 0.001});
   rig.step_to(0.0);
   rig.go_to(-0.01, 500);
-  EXPECT_DOUBLE_EQ(rig.output.force_on_hand_newton.z(), rig.input.asked_force_on_hand_newton.z());
+  EXPECT_DOUBLE_EQ(rig.output.force_on_hand_newton.z(),
+                   rig.input.requested_force_on_hand_newton.z());
   double least = 1.0;
   for (int i = 0; i < 200; ++i) {
     rig.step_to(rig.z() + (i % 2 == 0 ? 3e-6 : -8e-6));
     least = std::min(
-        least, rig.output.force_on_hand_newton.z() / rig.input.asked_force_on_hand_newton.z());
+        least, rig.output.force_on_hand_newton.z() / rig.input.requested_force_on_hand_newton.z());
   }
   EXPECT_LT(least, 0.5);
 }
@@ -401,7 +402,8 @@ TEST(EnergyTank, AnEmptyTankNoLongerPushesBack) {
   rig.go_to(-0.002, 20);  // 1 mJ
   rig.step_to(rig.z() + 1e-4);
   rig.step_to(rig.z() + 1e-4);
-  EXPECT_LT(rig.output.force_on_hand_newton.z(), 0.6 * rig.input.asked_force_on_hand_newton.z());
+  EXPECT_LT(rig.output.force_on_hand_newton.z(),
+            0.6 * rig.input.requested_force_on_hand_newton.z());
 }
 
 // --- Lyapunov -----------------------------------------------------------------------------------

@@ -93,7 +93,7 @@ class HostileProbe final : public ForceController, public TissueProbe {
     input.evaluated_at_m = input.hand_position_m + random_.uniform(0.0, 0.02) * random_.direction();
     input.surface_normal = random_.chance(0.3) ? Vector3(Vector3::Zero()) : random_.direction();
     input.tissue = random_.chance(0.9) ? this : nullptr;
-    asked_newton_ = input.asked_force_on_hand_newton;
+    requested_newton_ = input.requested_force_on_hand_newton;
     wave_.impedance_newton_s_per_m = 2.0;
     wave_.stream = random_.chance(0.01) ? wave_.stream + 1 : wave_.stream;
     wave_.sum += 1e-3 * random_.direction();
@@ -102,14 +102,14 @@ class HostileProbe final : public ForceController, public TissueProbe {
     return inner_.step(input);
   }
   [[nodiscard]] Force at(const Vector3& x, const Vector3& v) const noexcept override {
-    return {.force_on_hand_newton = asked_newton_ + 300.0 * x + 5.0 * v,
+    return {.force_on_hand_newton = requested_newton_ + 300.0 * x + 5.0 * v,
             .stored_energy_joule = 10.0 * x.norm()};
   }
 
  private:
   ForceController& inner_;
   Random random_;
-  Vector3 asked_newton_ = Vector3::Zero();
+  Vector3 requested_newton_ = Vector3::Zero();
   Wave wave_;
 };
 
@@ -155,7 +155,7 @@ TEST(SafetyNet, AForceThatIsNotANumberCountsAsNone) {
   };
   SafetyNet net(std::make_unique<Broken>(), {.mofc = {.f_d = 0.1, .f_co = 0.1, .T = 0.001}});
   ControlInput input;
-  input.asked_force_on_hand_newton = {1.0, 0.0, 0.0};
+  input.requested_force_on_hand_newton = {1.0, 0.0, 0.0};
   EXPECT_EQ(net.step(input).force_on_hand_newton, Vector3::Zero());
 }
 
@@ -177,7 +177,7 @@ TEST(Rivals, NoneAllocatesInAStep) {
       }
       input.applied = applied;
       input.has_gap = random.chance(0.01);
-      input.asked_force_on_hand_newton =
+      input.requested_force_on_hand_newton =
           random.chance(0.1) ? Vector3(Vector3::Zero()) : random.direction();
       (void)probe.step(input);
     }
@@ -200,7 +200,7 @@ TEST(Rivals, AResetControllerAnswersAsANewOne) {
         ControlInput input;
         input.hand_position_m = x;
         if (k > 0) input.applied = {&stretch, 1};
-        input.asked_force_on_hand_newton = random.direction();
+        input.requested_force_on_hand_newton = random.direction();
         const Vector3 F = same.step(input).force_on_hand_newton;
         if (round == 0) {
           before.push_back(F);

@@ -257,7 +257,7 @@ TEST(WaveVariables, WithoutAChannelThereIsNoForceAndAfterwardsTheSumsBeginAnew) 
   WaveVariables controller({.b = 2.0, .T = kPeriod_s});
   ControlInput input;
   input.hand_velocity_m_per_s = {0, 0, 1};
-  input.asked_force_on_hand_newton = {0, 0, 1};
+  input.requested_force_on_hand_newton = {0, 0, 1};
   EXPECT_TRUE(controller.step(input).force_on_hand_newton.isZero(0.0));
   EXPECT_FALSE(controller.step(input).sent_wave.is_present());
   const Wave open;

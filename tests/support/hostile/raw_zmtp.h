@@ -108,13 +108,21 @@ class RawStream {
   [[nodiscard]] bool was_closed() const { return was_closed_; }
   /// Ends both directions; from any thread.
   void hang_up() { shutdown(descriptor_, SHUT_RDWR); }
-  /// Blocks until everything is written; false if the other end closed the connection or has read
-  /// nothing for test::patience(kAmple).
+  /// Blocks until everything is written; false if the other end closed the connection, also while
+  /// it leaves bytes unread, or has read nothing for test::patience(kAmple).
   bool write(std::string_view bytes) {
+    const auto limit = std::chrono::ceil<std::chrono::milliseconds>(patience(kAmple));
     while (is_open_ && !bytes.empty()) {
-      const ssize_t n = ::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+      pollfd ready{.fd = descriptor_, .events = POLLOUT | POLLRDHUP, .revents = 0};
+      is_open_ = poll(&ready, 1, static_cast<int>(limit.count())) > 0;
+      if (!is_open_) break;
+      const bool has_ended = (ready.revents & POLLRDHUP) != 0;
+      const ssize_t n =
+          has_ended ? -1
+                    : ::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (n < 0 && !has_ended && errno == EAGAIN) continue;
       is_open_ = n > 0;
-      was_closed_ = !is_open_ && errno != EAGAIN;
+      was_closed_ = !is_open_;
       if (is_open_) bytes.remove_prefix(static_cast<std::size_t>(n));
     }
     return is_open_;
@@ -132,7 +140,6 @@ class RawStream {
   void limit_silence() {
     const auto limit = std::chrono::ceil<std::chrono::seconds>(patience(kAmple));
     const timeval silence{.tv_sec = limit.count(), .tv_usec = 0};
-    setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &silence, sizeof(silence));
     setsockopt(descriptor_, SOL_SOCKET, SO_RCVTIMEO, &silence, sizeof(silence));
   }
   std::string read(std::size_t size) {

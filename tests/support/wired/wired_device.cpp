@@ -127,6 +127,7 @@ class WiredDevice final : public device::HapticDevice,
   [[nodiscard]] device::DeviceError last_error() const noexcept override {
     return driver_->last_error();
   }
+  void tap(device::WireTap* tap) noexcept override { driver_->tap(tap); }
   [[nodiscard]] bool reopen(Duration within) noexcept override { return driver_->reopen(within); }
   [[nodiscard]] device::TrueState true_state() const noexcept override {
     return emulated_.true_state();

@@ -40,6 +40,7 @@ class WiredOnBench : public device::HapticDevice, public device::TrueStateSource
   [[nodiscard]] device::DeviceError last_error() const noexcept override {
     return device_->last_error();
   }
+  void tap(device::WireTap* tap) noexcept override { device_->tap(tap); }
   [[nodiscard]] bool reopen(Duration within) noexcept override { return device_->reopen(within); }
   [[nodiscard]] device::TrueState true_state() const noexcept override {
     return dynamic_cast<device::TrueStateSource&>(*device_).true_state();

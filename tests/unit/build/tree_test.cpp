@@ -96,6 +96,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "y",
       "z",  // of a vector, which says it
       "ratio",
+      "share",
       "friction_coefficient",
       "exponent",
       "device_id",

@@ -248,7 +248,7 @@ class AnswersTest : public testing::Test {
 
 TEST_F(AnswersTest, AnAnswerToAStateThatWasNeverSentIsDroppedAndCounted) {
   EXPECT_TRUE(is_accepted(1, 8, 8ms)) << "nothing is expected yet";
-  inbox_.expect_answers_until({.session_id = 1, .sequence = 5, .sampled_at = TimePoint(5ms)});
+  inbox_.reject_answers_newer_than({.session_id = 1, .sequence = 5, .sampled_at = TimePoint(5ms)});
 
   EXPECT_TRUE(is_accepted(1, 5, 5ms));
   EXPECT_TRUE(is_accepted(1, 4, 4ms));

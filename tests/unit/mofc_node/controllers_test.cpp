@@ -27,7 +27,7 @@ ControlInput input_at(const Vector3& x, const std::vector<AppliedStretch>& appli
           .has_gap = false,
           .acting_force_on_hand_newton =
               applied.empty() ? Vector3(Vector3::Zero()) : applied.back().force_on_hand_newton,
-          .asked_force_on_hand_newton = requested};
+          .requested_force_on_hand_newton = requested};
 }
 
 // (10): f_d d²/T + f_co|d| + f d with d = 2 mm, T = 20 ms, f = −0.5 N:
@@ -126,7 +126,7 @@ TEST(GuardMofc, AHeldForceLeaksOnlyWhenTheNextIsKnown) {
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
   const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(0, 0, -0.01), true}};
   ControlInput input = input_at(Vector3(0, 0, -0.01), free, {0, 0, 1});
-  input.is_asked_fresh = false;
+  input.is_request_fresh = false;
 
   EXPECT_NEAR(controller.step(input).f_max_newton.x(), 0.3, 1e-12);
 }
@@ -199,7 +199,7 @@ TEST(GuardMofc, ALeaseLastsAsLongAsThePoolPaysForIt) {
   const Vector3 x(0.12, 0, 0);
   const std::vector<AppliedStretch> free{{1.0, Vector3::Zero(), x, true}};
   ControlInput input = input_at(x, free, {1.5, 0, 0});
-  input.is_asked_fresh = false;
+  input.is_request_fresh = false;
   input.acting_force_on_hand_newton = {1, 0, 0};
 
   EXPECT_NEAR(controller.step(input).lease_s, 7.0926e-3, 1e-7);
@@ -208,9 +208,9 @@ TEST(GuardMofc, ALeaseLastsAsLongAsThePoolPaysForIt) {
   input.acting_lease_s = 0.1e-3;
   EXPECT_NEAR(controller.step(input).lease_s, 7.3444e-3, 1e-7);
   // less than 10 ms of 0.2 N, and friction alone absorbs 0.1 N
-  input.asked_force_on_hand_newton = {0.2, 0, 0};
+  input.requested_force_on_hand_newton = {0.2, 0, 0};
   EXPECT_EQ(controller.step(input).lease_s, 10e-3);
-  input.asked_force_on_hand_newton = {0.1, 0, 0};
+  input.requested_force_on_hand_newton = {0.1, 0, 0};
   EXPECT_EQ(controller.step(input).lease_s, 10e-3);
 }
 

@@ -144,6 +144,56 @@ TEST_F(HalfSpacePatch, PressesAsHertzSays) {
   }
 }
 
+// [LeeRadok60]: while the contact grows, the force on a Kelvin–Voigt half-space is that of a spring
+// and a damper on Hertz's force. The points could take it as penalty, as if they were held fast.
+TEST_F(HalfSpacePatch, AViscousBodyAlsoPressesBackByItsRate) {
+  constexpr double kDepth_m = 1.5e-3;
+  constexpr double kSpeed_m_per_s = 0.1;
+  const auto pressed_newton = [&](double relaxation_s, int held_ticks) {
+    ++state_.number;
+    state_.relaxation_s = relaxation_s;
+    for (ElasticPlace& place : state_.places) place.rest = place.away;
+    patches_.take(interaction_, kStore + 1);  // empties it
+    interaction_.elastic.store_id = kStore;
+    for (ElasticPoint& point : points_) point.rigid_give_m_per_newton = 1e-2F;
+    send_all();
+    double newton = 0.0;
+    const int ticks = 10 + static_cast<int>(kDepth_m / (kSpeed_m_per_s * kTick_s) + 0.5);
+    for (int i = 0; i <= ticks + held_ticks; ++i) {
+      const double depth_m = kSpeed_m_per_s * kTick_s * (std::min(i, ticks) - ticks) + kDepth_m;
+      const auto& result = step_to({0.0, 0.0, kRadius_m - depth_m});
+      newton = result.force.force_on_tool_newton.z();
+      EXPECT_TRUE(result.is_valid || i < 5);
+    }
+    return newton;
+  };
+  const double elastic = hertz_newton(kDepth_m);
+  for (const double relaxation_s : {0.005, 0.01, 0.02}) {
+    const double wanted = elastic * (1.0 + 1.5 * relaxation_s * kSpeed_m_per_s / kDepth_m);
+    EXPECT_NEAR(pressed_newton(relaxation_s, 0), wanted, 0.12 * wanted) << relaxation_s;
+    EXPECT_NEAR(pressed_newton(relaxation_s, 200), elastic, 0.1 * elastic) << relaxation_s;
+  }
+}
+
+// The places of rest in the state are where the points go, not where they are.
+TEST_F(HalfSpacePatch, AViscousPointGoesOnToItsPlaceOfRest) {
+  state_.relaxation_s = 0.01;
+  // the surface was pressed 1 mm deep, and comes back
+  for (std::size_t slot = 0; slot < points_.size(); ++slot) {
+    state_.places[slot].rest = state_.places[slot].away;
+    state_.places[slot].away[2] = static_cast<std::int16_t>(-1e-3 / 0.02 * kElasticScale);
+  }
+  state_.center_m = {0.0, 0.0, kRadius_m};
+  send_all();
+  const auto force = [&](int ticks) {
+    for (int i = 0; i < ticks; ++i) step_to({0.0, 0.0, kRadius_m - 0.5e-3});
+    return patches_.results()[0].force.force_on_tool_newton.z();
+  };
+  // e⁻⁰·⁷ of the way is left after 7 ms
+  EXPECT_EQ(force(2), 0.0);
+  EXPECT_GT(force(100), 0.8 * hertz_newton(0.5e-3));
+}
+
 TEST_F(HalfSpacePatch, IsFreeAboveTheSurface) {
   send_all();
   for (int i = 0; i < 40; ++i) step_to({0.0, 0.0, kRadius_m + 1e-4});
@@ -239,7 +289,7 @@ TEST_F(HalfSpacePatch, ChangesTheForceOfANewStateNoFasterThanTheBound) {
   ElasticState other = state_;
   other.number = 2;
   other.compliance_ratio = 0.5;
-  other.other_newton = {0.0, 0.0, 1.0};
+  other.force_outside_patch_newton = {0.0, 0.0, 1.0};
   send(other);
   const Vector3 tip_m(0.0, 0.0, kRadius_m - 1e-3);
   const double aim = 2.0 * before + 1.0;

@@ -1015,7 +1015,7 @@ Vector3 f_max_at_first_newton(const MofcConfig& mofc, const ClampedDevice& devic
   return make_controller(mofc, device)
       ->step({.hand_position_m = Vector3::Zero(),
               .applied = {},
-              .asked_force_on_hand_newton = Vector3(9, 9, 9)})
+              .requested_force_on_hand_newton = Vector3(9, 9, 9)})
       .f_max_newton;
 }
 
@@ -1097,7 +1097,7 @@ TEST(MakeController, EveryControllerOfOthersIsMadeWithItsSettings) {
     return make_controller(config, device)
         ->step({.hand_position_m = Vector3::Zero(),
                 .applied = {},
-                .asked_force_on_hand_newton = Vector3(0, 0, 9)});
+                .requested_force_on_hand_newton = Vector3(0, 0, 9)});
   };
   const MofcConfig plain;
   // no friction is credited yet

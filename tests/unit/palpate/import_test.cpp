@@ -5,11 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/core/check.h"
+#include "common/session/materials.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/import/import_site.h"
-#include "deploy/scan/materials.h"
+#include "deploy/palpate/import/organ_labels.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/support/temp_folder.h"
@@ -116,6 +118,60 @@ TEST(Import, WritesASessionWithItsLesionWhereThePatientHasIt) {
   EXPECT_DOUBLE_EQ(material.parts.at(0).young_pa, 20'200.0);
 }
 
+/// The middle of the voxels of a segment, in right, anterior, superior.
+Vector3 middle_m(const scan::LabelMap& map, std::size_t segment) {
+  Vector3 sum = Vector3::Zero();
+  double count = 0.0;
+  for (std::uint32_t k = 0; k < map.size[2]; ++k) {
+    for (std::uint32_t j = 0; j < map.size[1]; ++j) {
+      for (std::uint32_t i = 0; i < map.size[0]; ++i) {
+        if (map.at(i, j, k) != segment + 1) continue;
+        sum += map.ras_of_index_m * Vector3(i, j, k);
+        count += 1.0;
+      }
+    }
+  }
+  return sum / count;
+}
+
+TEST(OrganLabels, AreTheSameBodyInEveryGridAndFormat) {
+  OrganLabels oblique{.voxel_mm = {1.5, 2.0, 3.0}, .oblique_degrees = 25.0};
+  const scan::LabelMap nrrd = scan::parse_nrrd(organ_labels_text(oblique, false), "a.seg.nrrd");
+  const scan::LabelMap nifti = scan::parse_nifti(organ_labels_text(oblique, true), "a.nii");
+  const scan::LabelMap plain = scan::parse_nrrd(organ_labels_text({}, false), "a.seg.nrrd");
+  EXPECT_EQ(nrrd.voxels, nifti.voxels);
+  EXPECT_TRUE(nrrd.ras_of_index_m.isApprox(nifti.ras_of_index_m, 1e-6));
+  ASSERT_EQ(nrrd.segments.size(), 3u);
+  EXPECT_EQ(nrrd.segments[1].name, "tumor");
+  // 20 mm to the patient's left, 5 mm to the head, 12 mm to the front
+  for (const scan::LabelMap* map : {&nrrd, &nifti, &plain}) {
+    EXPECT_LT((middle_m(*map, 1) - Vector3(-0.02, 0.012, 0.005)).norm(), 0.0005);
+    const double ball_m3 = 4.0 / 3.0 * 3.14159265 * std::pow(0.007, 3);
+    EXPECT_NEAR(static_cast<double>(map->segments[1].voxels) * map->voxel_m3() / ball_m3, 1.0, 0.1);
+  }
+  EXPECT_THROW((void)organ_labels_text({.voxel_mm = {0.1, 0.1, 0.1}}, false), SetupError);
+}
+
+TEST(OrganLabels, BecomeAnOrganObliqueWithAThinLobe) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "takes minutes with sanitizers";
+#endif
+  const OrganLabels labels{
+      .voxel_mm = {1.0, 1.5, 2.5}, .oblique_degrees = 25.0, .has_thin_lobe = true};
+  const scan::LabelMap map = scan::parse_nrrd(organ_labels_text(labels, false), "a.seg.nrrd");
+
+  const ImportedOrgan organ =
+      imported_organ(map, {.fixed = {"ligament"}, .cell_m = 0.004}, "a.seg.nrrd");
+
+  EXPECT_THAT(organ.report, AllOf(HasSubstr("0 slivers"), HasSubstr("tumor")));
+  const physics::TetrahedralMesh mesh =
+      physics::parse_msh(organ.files.at(kImportedMesh), "organ.msh");
+  double left_m = -1.0;
+  for (const Vector3& node_m : mesh.nodes_m) left_m = std::max(left_m, node_m.x());
+  // the lobe ends 85 mm left of the middle, the lesion is at 20 mm and becomes the origin
+  EXPECT_NEAR(left_m, 0.065, 0.004);
+}
+
 TEST(Import, ATagThatTheMeshDoesNotHaveIsNamed) {
   const ImportedOrgan organ = imported_organ(patient(), {.tetrahedra = 1500}, "a.nii.gz");
   const test::TempFolder folder;
@@ -126,8 +182,8 @@ TEST(Import, ATagThatTheMeshDoesNotHaveIsNamed) {
     (void)physics::elastic_bodies_of(session.scene);
     FAIL();
   } catch (const SetupError& error) {
-    EXPECT_THAT(error.what(),
-                HasSubstr("tag: \"lesion\": the mesh has only the regions \"liver\""));
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("tag: \"lesion\": the mesh has only the regions"),
+                                    HasSubstr("\"liver\"")));
   }
 }
 
@@ -210,6 +266,39 @@ TEST(Import, ALineThroughANodeHasATopAndABottom) {
   }
 }
 
+TEST(Import, TellsWhatASolutionTakesAndChoosesTheSolveRateByIt) {
+  const ImportedOrgan organ = imported_organ(
+      patient(), {.fixed = {"stalk"}, .tetrahedra = 1500, .is_timed = true}, "a.nii.gz");
+  EXPECT_THAT(organ.report, HasSubstr("a full solution takes"));
+  const test::TempFolder folder;
+  for (const auto& [name, content] : organ.files) folder.write(name, content);
+  const Session session = load_session(folder.path() / kImportedSession, {});
+  const auto& material = std::get<ElasticMaterial>(session.scene.tissues[0].material);
+  EXPECT_THAT(material.solve_rate_hz, ::testing::AnyOf(50.0, 25.0, 10.0, 5.0));
+}
+
+TEST(Import, KeepsNamesInEveryAlphabet) {
+  std::string bytes = organ_labels_text({.voxel_mm = {3, 3, 3}}, false);
+  const auto rename = [&](const std::string& from, const std::string& to) {
+    bytes.replace(bytes.find("_Name:=" + from) + 7, from.size(), to);
+  };
+  rename("tumor", "tum\xc3\xb6r");
+  rename("liver", "\xe8\x82\x9d\xe8\x87\x93");
+  rename("ligament", "band\xc3\"\xe2\x82");  // invalid, and a quotation mark
+  const scan::LabelMap read = scan::parse_nrrd(bytes, "a.seg.nrrd");
+  EXPECT_EQ(read.segments[1].name, "tum\xc3\xb6r");
+  EXPECT_EQ(read.segments[0].name, "\xe8\x82\x9d\xe8\x87\x93");
+  EXPECT_EQ(read.segments[2].name, "band????");
+
+  const ImportedOrgan organ = imported_organ(
+      read, {.lesions = {"tum\xc3\xb6r"}, .fixed = {"band????"}, .tetrahedra = 2000}, "a");
+
+  const test::TempFolder folder;
+  for (const auto& [name, content] : organ.files) folder.write(name, content);
+  const Session session = load_session(folder.path() / kImportedSession, {});
+  EXPECT_EQ(physics::elastic_bodies_of(session.scene).size(), 1u);
+}
+
 TEST(Import, NamesALabelThatIsNotThere) {
   EXPECT_THAT(complaint_of({.labels = {"livre"}}), HasSubstr("did you mean \"liver\"?"));
   EXPECT_THAT(complaint_of({.labels = {"liver"}, .fixed = {"stalk"}}),
@@ -220,17 +309,17 @@ TEST(Import, NamesALabelThatIsNotThere) {
 }
 
 TEST(Materials, AreFoundByNameAndCode) {
-  EXPECT_STREQ(scan::material_for("Liver", "")->name, "liver");
-  EXPECT_STREQ(scan::material_for("region", "SCT:10200004")->name, "liver");
-  EXPECT_STREQ(scan::material_for("liver_tumor", "")->name, "focal lesion");
-  EXPECT_EQ(scan::material_for("liver_vessels", ""), nullptr);
-  EXPECT_EQ(scan::material_for("spleen", ""), nullptr);
-  EXPECT_EQ(scan::material_for("masseter_right", ""), nullptr);
-  EXPECT_STREQ(scan::material_for("masses", "")->name, "focal lesion");
-  EXPECT_STREQ(scan::material_for("tumors_2", "")->name, "focal lesion");
-  EXPECT_TRUE(scan::is_lesion("Segment_1", "SCT:4147007"));
-  EXPECT_FALSE(scan::is_lesion("liver", ""));
-  for (const scan::TissueMaterial& material : scan::tissue_materials()) {
+  EXPECT_STREQ(material_for("Liver", "")->name, "liver");
+  EXPECT_STREQ(material_for("region", "SCT:10200004")->name, "liver");
+  EXPECT_STREQ(material_for("liver_tumor", "")->name, "focal lesion");
+  EXPECT_EQ(material_for("liver_vessels", ""), nullptr);
+  EXPECT_EQ(material_for("spleen", ""), nullptr);
+  EXPECT_EQ(material_for("masseter_right", ""), nullptr);
+  EXPECT_STREQ(material_for("masses", "")->name, "focal lesion");
+  EXPECT_STREQ(material_for("tumors_2", "")->name, "focal lesion");
+  EXPECT_TRUE(is_lesion("Segment_1", "SCT:4147007"));
+  EXPECT_FALSE(is_lesion("liver", ""));
+  for (const TissueMaterial& material : tissue_materials()) {
     EXPECT_LE(material.least_pa, material.young_pa);
     EXPECT_GE(material.largest_pa, material.young_pa);
   }

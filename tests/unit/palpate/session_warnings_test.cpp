@@ -61,6 +61,9 @@ TEST(SessionWarnings, NameWhatIsProbablyNotMeant) {
             {"device.profile={ coulomb_newton: 0.5 viscous_newton_s_per_m: 0.1 }"},
             "device.profile: claims"},
            {"no such keys", {"security.key_folder=no_such_folder"}, "palpate keygen"},
+           {"a library that is not there",
+            {"device.plugin={ library: \"./no_such.so\" }"},
+            "no_such.so: no such library"},
            {"spinning on a shared processor", {"realtime.wait=spin"}, "realtime.wait = spin"},
        }) {
     EXPECT_THAT(warnings_with(one.overrides), ElementsAre(HasSubstr(one.words))) << one.description;

@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "common/core/check.h"
+#include "tests/support/temp_folder.h"
 #include "tests/support/text.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
@@ -69,9 +70,20 @@ std::string vtk_binary() {
   return text + "\n";
 }
 
-std::string mesh_complaint(const std::string& bytes, bool is_vtk = false) {
+/// A file of the fuzzers' corpus, without the byte that selects the format.
+std::string written_by_others(const std::string& name) {
+  return test::text_of(std::string(PALPATE_SOURCE_DIR "/tests/fuzz/corpus/geometry/") + name)
+      .substr(1);
+}
+
+TetrahedralMesh parse_any(const std::string& bytes, const std::string& file) {
+  if (file.ends_with(".vtu")) return parse_vtu(bytes, file);
+  return file.ends_with(".vtk") ? parse_vtk(bytes, file) : parse_msh(bytes, file);
+}
+
+std::string mesh_complaint(const std::string& bytes, const std::string& file = "a.msh") {
   try {
-    static_cast<void>(is_vtk ? parse_vtk(bytes, "a.vtk") : parse_msh(bytes, "a.msh"));
+    static_cast<void>(parse_any(bytes, file));
   } catch (const SetupError& error) {
     return error.what();
   }
@@ -129,6 +141,86 @@ TEST(Msh, KeepsPhysicalVolumes) {
               HasSubstr("in quotation marks"));
 }
 
+// Written by Gmsh 4.8 and by VTK 9.1: text, binary, base64, appended, compressed.
+TEST(TetrahedralFiles, KeepRegionsAsOtherProgramsWriteThem) {
+  for (const char* name : {"msh_2_binary", "msh_4_binary"}) {
+    const TetrahedralMesh mesh = parse_msh(written_by_others(name), "a.msh");
+    SCOPED_TRACE(name);
+    expect_two_tetrahedra(mesh);
+    ASSERT_EQ(mesh.regions.size(), 2u);
+    EXPECT_EQ(mesh.region_names[mesh.regions[0]], "a lesion");
+    EXPECT_EQ(mesh.region_names[mesh.regions[1]], "5");
+  }
+  for (const char* name : {"vtk_4_regions", "vtk_4_binary_regions", "vtk_5_regions",
+                           "vtk_5_binary_regions", "vtu_ascii", "vtu_inline", "vtu_inline_zlib",
+                           "vtu_base64_zlib", "vtu_raw", "vtu_raw_zlib"}) {
+    const bool is_xml = std::string(name).starts_with("vtu");
+    const TetrahedralMesh mesh = parse_any(written_by_others(name), is_xml ? "a.vtu" : "a.vtk");
+    SCOPED_TRACE(name);
+    expect_two_tetrahedra(mesh);
+    ASSERT_EQ(mesh.regions.size(), 2u);
+    EXPECT_EQ(mesh.region_names[mesh.regions[0]], "3");
+    EXPECT_EQ(mesh.region_names[mesh.regions[1]], "7");
+  }
+}
+
+TEST(TetrahedralFiles, AnyCutEndsWithAComplaint) {
+  for (const char* name : {"msh_2_binary", "msh_4_binary"}) {
+    const std::string whole = written_by_others(name);
+    for (std::size_t bytes = 1; bytes + 20 < whole.size(); ++bytes) {
+      EXPECT_NE(mesh_complaint(whole.substr(0, bytes)), "none") << name << ' ' << bytes;
+    }
+  }
+  for (const char* name : {"vtu_inline_zlib", "vtu_ascii"}) {
+    const std::string whole = written_by_others(name);
+    for (std::size_t bytes = 1; bytes + 12 < whole.size(); ++bytes) {
+      EXPECT_NE(mesh_complaint(whole.substr(0, bytes), "a.vtu"), "none") << name << ' ' << bytes;
+    }
+  }
+}
+
+TEST(Vtk, TakesTheArrayThatIsCalledLikeRegions) {
+  const std::string data =
+      "CELL_DATA 3\nSCALARS id int 1\nLOOKUP_TABLE default\n5 5 0\n"
+      "FIELD FieldData 2\nregion 1 3 float\n1 2 0\nflow 1 3 double\n0.5 1 2\n";
+  const TetrahedralMesh named = parse_vtk(vtk() + data, "a.vtk");
+  EXPECT_EQ(named.region_names[named.regions[1]], "2");
+  const TetrahedralMesh first = parse_vtk(vtk() + replaced(data, "region", "number"), "a.vtk");
+  EXPECT_EQ(first.region_names[first.regions[1]], "5");
+  const std::string none = replaced(replaced(data, "region", "number"), "5 5 0", "5 5 0.5");
+  EXPECT_EQ(parse_vtk(vtk() + none, "a.vtk").region_names, std::vector<std::string>{});
+  EXPECT_THAT(mesh_complaint(vtk() + replaced(data, "CELL_DATA 3", "CELL_DATA 2"), "a.vtk"),
+              HasSubstr("as many as CELLS"));
+  EXPECT_THAT(mesh_complaint(vtk() + "CELL_DATA 3\nSCALARS id string 1\na b c\n", "a.vtk"),
+              HasSubstr("id = a: must be a finite number"));
+}
+
+TEST(Vtu, ReportsFileLineAndRule) {
+  const std::string good = written_by_others("vtu_ascii");
+  const auto complaint = [&](const std::string& from, const std::string& to) {
+    return mesh_complaint(replaced(good, from, to), "a.vtu");
+  };
+  EXPECT_THAT(mesh_complaint("ply\n", "a.vtu"), HasSubstr("a.vtu:1: is not well-formed XML"));
+  EXPECT_THAT(complaint("\"UnstructuredGrid\"", "\"PolyData\""),
+              HasSubstr("must be a VTKFile of type UnstructuredGrid"));
+  EXPECT_THAT(complaint("NumberOfCells=\"3\"", "NumberOfCells=\"4\""),
+              HasSubstr("has 3 numbers: must be 4"));
+  EXPECT_THAT(complaint("NumberOfPoints=\"5\"", "NumberOfPoints=\"999999999999\""),
+              HasSubstr("NumberOfPoints"));
+  EXPECT_THAT(complaint("type=\"UInt8\" Name=\"types\" format=\"ascii\"",
+                        "type=\"Float64\" Name=\"types\" format=\"ascii\""),
+              "none");
+  EXPECT_THAT(complaint("10 10 3", "10 1e300 3"), HasSubstr("must be whole numbers from 0"));
+  EXPECT_THAT(complaint("<VTKFile", "<!DOCTYPE a [<!ENTITY b \"c\">]><VTKFile"),
+              HasSubstr("<!DOCTYPE: must not be"));
+  EXPECT_THAT(complaint("</Piece>", "</Piece><Piece NumberOfPoints=\"0\"></Piece>"),
+              HasSubstr("<Piece>: is given twice"));
+  EXPECT_THAT(
+      mesh_complaint(replaced(written_by_others("vtu_inline_zlib"), "vtkZLibData", "vtkLZMAData"),
+                     "a.vtu"),
+      HasSubstr("must be vtkZLibDataCompressor; save it with that or without one"));
+}
+
 TEST(Vtk, ReadsAsciiBinaryAndVersion5) {
   expect_two_tetrahedra(parse_vtk(vtk(), "a.vtk"));
   expect_two_tetrahedra(parse_vtk(vtk_5(), "a.vtk"));
@@ -170,7 +262,8 @@ TEST(Msh, ReportsFileLineAndRule) {
   EXPECT_THAT(mesh_complaint(good.substr(0, good.find("$ELM"))),
               HasSubstr("must have nodes and elements"));
   EXPECT_THAT(mesh_complaint("ply\n"), HasSubstr("a.msh:1: 'ply': must begin a section"));
-  EXPECT_THAT(mesh_complaint(replaced(version_2(), "2.2 0", "2.2 1")), HasSubstr("is binary"));
+  EXPECT_THAT(mesh_complaint(replaced(version_2(), "2.2 0", "2.2 1")),
+              HasSubstr("byte order: must be the number 1"));
   EXPECT_THAT(mesh_complaint(replaced(version_2(), "2.2 0", "3.0 0")),
               HasSubstr("must be 1, 2.2 or 4.1"));
   EXPECT_THAT(mesh_complaint(replaced(version_2(), "$EndPhysicalNames", "$EndNames")),
@@ -180,19 +273,19 @@ TEST(Msh, ReportsFileLineAndRule) {
 }
 
 TEST(Vtk, ReportsFileLineAndRule) {
-  EXPECT_THAT(mesh_complaint("ply\n", true), HasSubstr("a.vtk:1: must begin with"));
-  EXPECT_THAT(mesh_complaint(replaced(vtk(), "UNSTRUCTURED_GRID", "POLYDATA"), true),
+  EXPECT_THAT(mesh_complaint("ply\n", "a.vtk"), HasSubstr("a.vtk:1: must begin with"));
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "UNSTRUCTURED_GRID", "POLYDATA"), "a.vtk"),
               HasSubstr("a.vtk:4: DATASET POLYDATA"));
-  EXPECT_THAT(mesh_complaint(replaced(vtk(), "4 0 1 2 3", "99 0 1 2 3"), true),
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "4 0 1 2 3", "99 0 1 2 3"), "a.vtk"),
               HasSubstr("cell 0: has 99 nodes"));
-  EXPECT_THAT(mesh_complaint(replaced(vtk(), "4 0 1 2 3", "4 0 1 2 7"), true),
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "4 0 1 2 3", "4 0 1 2 7"), "a.vtk"),
               HasSubstr("does not exist"));
-  EXPECT_THAT(mesh_complaint(replaced(vtk(), "CELL_TYPES 3", "CELL_TYPES 2"), true),
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "CELL_TYPES 3", "CELL_TYPES 2"), "a.vtk"),
               HasSubstr("as many as CELLS"));
-  EXPECT_THAT(mesh_complaint(replaced(vtk_5(), "0 4 8", "0 4 9"), true), HasSubstr("OFFSETS"));
+  EXPECT_THAT(mesh_complaint(replaced(vtk_5(), "0 4 8", "0 4 9"), "a.vtk"), HasSubstr("OFFSETS"));
   const std::string binary = vtk_binary();
   for (std::size_t bytes = 30; bytes + 2 < binary.size(); ++bytes) {
-    EXPECT_NE(mesh_complaint(binary.substr(0, bytes), true), "none") << bytes;
+    EXPECT_NE(mesh_complaint(binary.substr(0, bytes), "a.vtk"), "none") << bytes;
   }
 }
 

@@ -235,5 +235,15 @@ TEST(Nifti, RefusesDamagedAndTruncatedFilesAndBombs) {
   EXPECT_THAT(complaint_of(header.with(std::string(24, '\0'))), HasSubstr("all voxels are 0"));
 }
 
+// The reference library of the format takes numbers that are not finite as 0, which is not scaled.
+TEST(Nifti, ASlopeThatIsNotANumberMeansNotScaled) {
+  test::Nifti1 file;
+  file.sform({1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0});
+  file.put(112, static_cast<float>(kNaN)).put(116, static_cast<float>(kNaN));
+  const LabelMap map = parse_nifti(file.with(test::four_corners()), "a.nii");
+  EXPECT_EQ(map.segments.size(), 4u);
+  EXPECT_FALSE(map.notes.empty());
+}
+
 }  // namespace
 }  // namespace palpate::scan

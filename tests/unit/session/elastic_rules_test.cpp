@@ -3,6 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <complex>
+#include <fstream>
+#include <iterator>
+#include <numbers>
+
+#include "common/session/materials.h"
+#include "common/session/power_law.h"
 #include "tests/unit/session/session_support.h"
 
 namespace palpate {
@@ -57,6 +65,13 @@ TEST(ElasticRules, PlacesMayBeRegionsOfTheMesh) {
               IsEmpty());
   EXPECT_THAT(elastic_complaints("young_pa: 1e4 fixed { tag: '' }"),
               is_at("elastic.fixed[0].tag", "must name a region of the mesh"));
+  EXPECT_THAT(
+      elastic_complaints("young_pa: 1e4 fixed { near { tag: 'vena cava' within_m: 0.003 } }"),
+      IsEmpty());
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4 fixed { near { tag: 'vena cava' } }"),
+              is_at("elastic.fixed[0].near.within_m", "required"));
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4 fixed { near { tag: 'a' within_m: 0 } }"),
+              is_at("elastic.fixed[0].near.within_m", "must be > 0"));
 }
 
 TEST(ElasticRules, NamesWhatIsMissing) {
@@ -81,6 +96,79 @@ TEST(ElasticRules, NamesWhatIsBeyondItsLimits) {
   EXPECT_THAT(elastic_complaints(kHeld + " part { where { half_space {} } young_pa: 1e4 "
                                          "poisson_ratio: -0.1 }"),
               is_at("elastic.part[0].poisson_ratio", "must be 0 … 0.49"));
+}
+
+TEST(ElasticRules, AMaterialByNameGivesTheModulusAndAFigureGivenBesideItCounts) {
+  EXPECT_THAT(elastic_complaints("material: 'liver' fixed { half_space {} } "
+                                 "part { where { half_space {} } material: 'focal lesion' }"),
+              IsEmpty());
+  EXPECT_THAT(elastic_complaints("material: 'livr' fixed { half_space {} }"),
+              is_at("elastic.material", "did you mean \"liver\"? known are \"hepatocellular"));
+  EXPECT_THAT(elastic_complaints(kHeld + " part { where { half_space {} } material: 'xyzzyxx' }"),
+              is_at("elastic.part[0].material", "known are"));
+}
+
+TEST(ElasticRules, RefusesRelaxationThatCannotBe) {
+  const std::string branches = kHeld + " viscoelastic { ";
+  EXPECT_THAT(elastic_complaints(branches + "branch { share: 0.3 tau_s: 0.1 } "
+                                            "branch { share: 0.3 tau_s: 1 } }"),
+              IsEmpty());
+  EXPECT_THAT(elastic_complaints(branches + "power_law { exponent: 0.1 } }"), IsEmpty());
+  EXPECT_THAT(elastic_complaints(branches + "}"), is_at("elastic.viscoelastic", "nothing relaxes"));
+  EXPECT_THAT(elastic_complaints(branches + "branch { share: -0.1 tau_s: 1 } }"),
+              is_at("elastic.viscoelastic.branch[0].share = -0.1", "must be"));
+  EXPECT_THAT(elastic_complaints(branches + "branch { share: 0.1 tau_s: 0 } }"),
+              is_at("elastic.viscoelastic.branch[0].tau_s = 0", "must be"));
+  EXPECT_THAT(elastic_complaints(branches + "branch { share: nan tau_s: 1 } }"),
+              is_at("elastic.viscoelastic.branch[0].share", "finite"));
+  EXPECT_THAT(elastic_complaints(branches + "branch { share: 0.6 tau_s: 1 } "
+                                            "branch { share: 0.5 tau_s: 2 } }"),
+              is_at("elastic.viscoelastic", "sum to 1.1"));
+  EXPECT_THAT(elastic_complaints(branches + "power_law { exponent: 0.7 } }"),
+              is_at("elastic.viscoelastic.power_law.exponent = 0.7", "must be"));
+  EXPECT_THAT(elastic_complaints(branches + "power_law { exponent: 0.1 } "
+                                            "branch { share: 0.6 tau_s: 1 } }"),
+              is_at("elastic.viscoelastic.power_law", "leave out"));
+  std::string many = branches;
+  for (int i = 0; i < 9; ++i) many += "branch { share: 0.01 tau_s: 1 } ";
+  EXPECT_THAT(elastic_complaints(many + "}"), is_at("elastic.viscoelastic.branch[8]", "at most 8"));
+}
+
+// |E*(i ω)| of the branches, summed here by themselves, on frequencies between those of the fit.
+TEST(PowerLaw, ItsBranchesFollowItWithinTheStatedError) {
+  for (const double exponent : {0.02, 0.1, 0.2, 0.3}) {
+    for (const double at_hz : {0.1, 1.0, 7.0}) {
+      const PowerLawFit fit = fit_power_law(exponent, at_hz);
+      double shares = 0.0;
+      for (const auto& branch : fit.branches) {
+        EXPECT_GT(branch.share, 0.0);
+        shares += branch.share;
+      }
+      EXPECT_LT(shares, 0.99);
+      double largest = 0.0;
+      for (double f = 0.1; f <= 10.0; f *= 1.0077) {
+        const std::complex<double> law =
+            std::polar(std::pow(f / at_hz, exponent), 0.5 * std::numbers::pi * exponent);
+        std::complex<double> sum = fit.rest_ratio;
+        for (const auto& branch : fit.branches) {
+          const double wt = 2.0 * std::numbers::pi * f * branch.tau_s;
+          const double at_once = fit.rest_ratio * branch.share / (1.0 - shares);
+          sum += at_once * std::complex<double>(wt * wt, wt) / (1.0 + wt * wt);
+        }
+        largest = std::max(largest, std::abs(sum - law) / std::abs(law));
+      }
+      EXPECT_LT(largest, 0.005) << exponent;
+      EXPECT_NEAR(largest, fit.error_ratio, 0.05 * fit.error_ratio + 1e-6) << exponent;
+    }
+  }
+}
+
+// The table of the docs is that of the program.
+TEST(Materials, TheirTableIsInTheDocs) {
+  std::ifstream file(std::string(PALPATE_SOURCE_DIR) + "/docs/materials.md");
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  EXPECT_NE(text.find(materials_table()), std::string::npos)
+      << "refresh it with the output of `palpate explain materials`";
 }
 
 }  // namespace

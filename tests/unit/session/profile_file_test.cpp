@@ -176,8 +176,10 @@ TEST_F(ProfileFile, UnreadableTextIsReportedWithItsPlace) {
 }
 
 TEST_F(ProfileFile, MissingFileAndFolderAreRefused) {
-  EXPECT_THAT(complaints(kWithProfile, {}, folder_).at(1),
-              AllOf(StartsWith("x.txtpb:"), HasSubstr("omni.txtpb: no such file")));
+  EXPECT_THAT(
+      complaints(kWithProfile, {}, folder_).at(1),
+      AllOf(StartsWith("x.txtpb:"), HasSubstr("device.profile_file: "),
+            HasSubstr("omni.txtpb: no such file"), HasSubstr("relative to the session's folder")));
   EXPECT_THAT(complaints(kWithProfile, {"device.profile_file=."}, folder_).at(1),
               HasSubstr("is a folder"));
   EXPECT_THAT(complaints(kWithProfile, {"device.profile_file=/dev/zero"}, folder_).at(1),

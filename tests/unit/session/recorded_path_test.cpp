@@ -96,7 +96,8 @@ TEST_F(RecordedPathFile, EmptyPathIsRefused) {
 
 TEST_F(RecordedPathFile, MissingFileAndFolderAreRefused) {
   EXPECT_THAT(complaints(kWithPath, {}, folder_).at(1),
-              AllOf(StartsWith("x.txtpb:"), HasSubstr("path.csv: no such file")));
+              AllOf(StartsWith("x.txtpb:"), HasSubstr("hand.recorded.file: "),
+                    HasSubstr("path.csv: no such file")));
   EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file=."}, folder_).at(1),
               HasSubstr("is a folder"));
   EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file=/dev/zero"}, folder_).at(1),

@@ -133,9 +133,11 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"device.=1", "device.: no such field"},
       {"device..rate_hz=1", "no such field"},
       {".device.rate_hz=1", "no such field"},
+      {"mode=guard", "mode: no such field; did you mean 'mofc.mode'?"},
+      {"rate_hz=500", "did you mean 'device.rate_hz' or 'physics.rate_hz'?"},
       {"device.rate=1", "device.rate: no such field; did you mean 'rate_hz'?"},
       {"device.rate_hz=fast", "device.rate_hz: cannot be read: Expected double, got: fast"},
-      {"device.rate_hz=", "device.rate_hz: cannot be read"},
+      {"device.rate_hz=", "device.rate_hz: cannot be read: Expected double, got: nothing;"},
       {"device.rate_hz=1 2", "something follows the value"},
       {"device.rate_hz.x=1", "device.rate_hz: is a single value"},
       {"device[0].rate_hz=1", "device[0]: there is only one"},
@@ -146,7 +148,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
        "mofc.controller = 99: must be none, mofc, virtual_coupling, energy_bounding, "
        "force_bounding, passivity_control, memory_based, input_to_state, two_port, energy_tank, "
        "lyapunov or wave_variables"},
-      {"seed=-1", "seed: cannot be read"},
+      {"seed=-1", "seed: cannot be read: a whole number without a sign is required"},
       {"scene.tissue[1].name=a",
        "scene.tissue[1]: there are only 1, counted from [0]; "
        "scene.tissue={ … } adds one"},

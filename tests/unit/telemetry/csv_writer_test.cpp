@@ -80,7 +80,7 @@ TickRow full_row() {
   row.device.is_answered = true;
   row.device.is_peak_limited = true;
   row.mofc.emplace();
-  row.mofc->asked_force_on_hand_newton = {1, 2, 3};
+  row.mofc->requested_force_on_hand_newton = {1, 2, 3};
   row.mofc->commanded_force_on_hand_newton = {9, 9, 9};
   row.mofc->f_max_newton = {1.5, 1.5, 1.5};
   row.mofc->ledger_energy_joule = 0.003;
@@ -202,7 +202,7 @@ TEST(CsvWriter, HoldsARowOfTheLongestNumbers) {
   row.device.sampled_at = TimePoint::min();
   for (Vector3* v : {&row.device.true_tool_position_world_m, &row.device.force_on_hand_newton,
                      &row.device.measured_tool_position_world_m, &row.ideal_force_on_hand_newton,
-                     &row.mofc->asked_force_on_hand_newton, &row.mofc->f_max_newton}) {
+                     &row.mofc->requested_force_on_hand_newton, &row.mofc->f_max_newton}) {
     *v = Vector3::Constant(longest);
   }
   row.device.true_energy_joule = longest;

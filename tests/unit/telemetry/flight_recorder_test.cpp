@@ -87,6 +87,25 @@ TEST_F(FlightRecorderTest, ANewFaultWritesOnceAndNothingElseWrites) {
   EXPECT_THAT(lines_of(written()[0]).at(1), HasSubstr(",fault,0,0,0,nan,"));
 }
 
+TEST_F(FlightRecorderTest, IncidentsWriteOneFileForEachWindowAndAddTheirLines) {
+  FlightRecorder<DeviceTick> recorder(files(), 4);
+  recorder.append = [](std::ostream& out) { out << "#device a device\n"; };
+  DeviceCounters counters;
+  const auto reduce = [&](std::uint64_t ticks) {
+    for (std::uint64_t i = 0; i < ticks; ++i) recorder.keep({.sequence = i});
+    ++counters.monitor_reductions;
+    recorder.write_if_due(counters);
+  };
+
+  reduce(2);
+  reduce(2);  // the same window
+  EXPECT_THAT(written(), SizeIs(1));
+  EXPECT_EQ(lines_of(written()[0]).back(), "#device a device");
+  EXPECT_THAT(text_.str(), HasSubstr("reason=monitor"));
+  recorder.write_if_due(counters);
+  EXPECT_THAT(written(), SizeIs(1));
+}
+
 TEST_F(FlightRecorderTest, EveryRowHasTheColumnsOfItsHeader) {
   const auto expect_same = [](const auto& record) {
     std::ostringstream header;

@@ -40,7 +40,7 @@ TickRow row(const Vector3& asked, const Vector3& acting) {
   TickRow row;
   row.device.force_on_hand_newton = acting;
   row.mofc.emplace();
-  row.mofc->asked_force_on_hand_newton = asked;
+  row.mofc->requested_force_on_hand_newton = asked;
   return row;
 }
 
@@ -377,6 +377,37 @@ TEST(SummaryJson, SaysNullForWhatARunWithoutContactOrIdealDoesNotKnow) {
   EXPECT_THAT(json.dump(), testing::Not(HasSubstr("nan")));
 }
 
+// an error that was never measured is not 0
+TEST(Summary, OfElasticTissueSaysWhatIsNotKnown) {
+  RunReport report;
+  EXPECT_TRUE(summary_json(Session{}, report)["elastic"].is_null());
+  EXPECT_THAT(summary_text(Session{}, report), testing::Not(HasSubstr("elastic")));
+
+  report.physics.elastic_solves = 50;
+  report.physics.elastic_solves_failed = 3;
+  report.physics.elastic_solves_repaired = 2;
+  report.physics.elastic_tips_appeared = 1;
+  report.physics.elastic_contact_steps = report.physics.elastic_unknown_bound_steps = 40;
+  nlohmann::ordered_json elastic = summary_json(Session{}, report)["elastic"];
+  EXPECT_TRUE(elastic["bound_n"].is_null());
+  EXPECT_TRUE(elastic["error_n"].is_null());
+  EXPECT_EQ(elastic["failed"], 3);
+  EXPECT_EQ(elastic["repaired"], 2);
+  EXPECT_EQ(elastic["tips_appeared"], 1);
+  EXPECT_EQ(elastic["unknown_bound_steps"], 40);
+  EXPECT_THAT(summary_text(Session{}, report), HasSubstr("bound unknown"));
+
+  report.physics.elastic_error_newton = 0.0;
+  report.physics.elastic_bound_newton = 0.25;
+  report.physics.elastic_bounds_checked = 20;
+  report.physics.elastic_bound_violations = 4;
+  elastic = summary_json(Session{}, report)["elastic"];
+  EXPECT_EQ(elastic["bound_n"], 0.25);
+  EXPECT_EQ(elastic["error_n"], 0.0);
+  EXPECT_EQ(elastic["bound_violations"], 4);
+  EXPECT_THAT(summary_text(Session{}, report), HasSubstr("bound 0.25 N, exceeded 4 of 20 times"));
+}
+
 TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   Session session;
   session.name = "probe";
@@ -438,6 +469,29 @@ TEST(ControllerText, NamesControllerAndMode) {
   EXPECT_EQ(controller_text(config), "mofc paper");
   config.controller = ControllerKind::kNone;
   EXPECT_EQ(controller_text(config), "none");
+}
+
+TEST(EnergyText, HasAUnitInWhichItIsReadable) {
+  EXPECT_EQ(energy_text(0.0), "0 µJ");
+  EXPECT_EQ(energy_text(-3.21e-6), "-3.21 µJ");
+  EXPECT_EQ(energy_text(9.994e-4), "999 µJ");
+  EXPECT_EQ(energy_text(9.996e-4), "1 mJ");
+  EXPECT_EQ(energy_text(0.171), "171 mJ");
+  EXPECT_EQ(energy_text(0.9996), "1 J");
+  EXPECT_EQ(energy_text(1.34), "1.34 J");
+  EXPECT_EQ(energy_text(1340.0), "1340 J");
+}
+
+TEST(SummaryText, SaysHowSlowASlowRunWas) {
+  Session session;
+  session.name = "slow";
+  RunReport report;
+  report.statistics.add(TickRow{}, {});
+  report.simulated_s = 1.0;
+  report.wall_s = 40.0;
+  EXPECT_THAT(summary_text(session, report), HasSubstr("0.025 times real time"));
+  report.wall_s = 0.01;
+  EXPECT_THAT(summary_text(session, report), HasSubstr("100 times real time"));
 }
 
 TEST(SummaryText, ShowsADashForWhatIsNotKnownAndNeverNan) {

@@ -7,8 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "common/session/session.h"
+#include "common/session/session_file.h"
 #include "common/telemetry/summary.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 
@@ -47,9 +48,41 @@ struct VerdictCase {
   std::string remedy;  ///< words that the finding must have
   std::string grade;
   std::function<void(TroubledRun&)> trouble;
-  bool is_of_lockstep = true;   ///< can happen there
-  bool is_of_real_time = true;  ///< can happen there
+  std::vector<std::string> settings = {};  ///< of the session
+  bool is_of_lockstep = true;              ///< can happen there
+  bool is_of_real_time = true;             ///< can happen there
 };
+
+/// What lockstep counts of it, without a row.
+inline RunReport report_of(const TroubledRun& run) {
+  RunReport report;
+  report.device = run.device;
+  report.mofc = run.mofc;
+  report.physics = run.physics;
+  report.physics.loop.ticks = run.physics_steps;
+  report.simulated_s = 10.0;
+  // lockstep has no supervisor: restarts are new sessions on the links
+  if (run.is_device_restarted) report.mofc.device_state.sessions = 2;
+  if (run.is_mofc_restarted) report.device.force_command.sessions = 2;
+  if (run.is_physics_restarted) report.mofc.interaction.sessions = 2;
+  return report;
+}
+
+/// The run of a case. Its session is in a folder of this process, where a recording of it finds the
+/// files that it names.
+inline TroubledRun run_of(const VerdictCase& one) {
+  static const test::TempFolder folder;
+  static const std::string file =
+      (folder.write("path.csv", "t,x,y,z\n0,0,0,0\n1,0,0,0\n1.01,0,0,-0.03\n"),
+       folder.write("verdict.txtpb",
+                    "name: \"verdict\"\n"
+                    "device { rate_hz: 1000 simulated {} }\n"
+                    "physics { rate_hz: 1000 }\n"));
+  TroubledRun run;
+  run.session = load_session(file, one.settings);
+  one.trouble(run);
+  return run;
+}
 
 inline void unanswered(TroubledRun& run, std::uint64_t ticks) {
   run.device.answered_ticks -= ticks;
@@ -57,10 +90,7 @@ inline void unanswered(TroubledRun& run, std::uint64_t ticks) {
 }
 
 inline std::vector<VerdictCase> verdict_cases() {
-  const auto recorded_jump = [](TroubledRun& run) {
-    run.session.side().hand.path =
-        RecordedPath{.samples = {{0.0, {0, 0, 0}}, {1.0, {0, 0, 0}}, {1.01, {0, 0, -0.03}}}};
-  };
+  const std::string jump = "hand.recorded={file: \"path.csv\"}";
   return {
       {"nothing", "", "", "good", [](TroubledRun&) {}},
       {"a latched fault", "device_fault", "reset the fault", "bad",
@@ -88,12 +118,15 @@ inline std::vector<VerdictCase> verdict_cases() {
          run.device.last_fault = FaultReason::kPositionJumped;
          run.device.fault_ticks = 10;
        }},
-      {"a fault because the recorded hand jumps", "device_fault", "1.000 s: smooth it", "bad",
-       [=](TroubledRun& run) {
-         recorded_jump(run);
+      {"a fault because the recorded hand jumps",
+       "device_fault",
+       "1.000 s: smooth it",
+       "bad",
+       [](TroubledRun& run) {
          run.device.device_faults = 1;
          run.device.last_fault = FaultReason::kPositionJumped;
-       }},
+       },
+       {jump}},
       {"motors that may still push", "release_unconfirmed", "switch off", "bad",
        [](TroubledRun& run) { run.device.is_release_unconfirmed = true; }},
       {"a device that nobody acknowledged", "device_not_enabled", "acknowledge", "bad",
@@ -124,33 +157,41 @@ inline std::vector<VerdictCase> verdict_cases() {
          run.is_physics_restarted = true;
          run.mofc.stale_ticks = 300;
        }},
-      {"a clamp that never answered", "mofc_silent", "not heard", "bad",
+      {"a clamp that never answered",
+       "mofc_silent",
+       "not heard",
+       "bad",
        [](TroubledRun& run) {
          unanswered(run, 10'000);
          run.is_mofc_heard = false;
          run.mofc = {};
        },
+       {},
        false},
       {"a clamp that sends no numbers", "command_not_finite", "", "bad",
        [](TroubledRun& run) {
          run.device.non_finite_commands = 3'000;
          unanswered(run, 3'000);
        }},
-      {"a physics that was never heard", "physics_silent", "not heard", "bad",
+      {"a physics that was never heard",
+       "physics_silent",
+       "not heard",
+       "bad",
        [](TroubledRun& run) {
          run.is_physics_heard = false;
          run.mofc.interaction = {};
          run.mofc.contact_ticks = 0;
        },
+       {},
        false},
       {"a physics that falls silent", "physics_silent", "physics_node", "bad",
        [](TroubledRun& run) { run.mofc.stale_ticks = 4'000; }},
-      {"a physics silenced by a fault of the session", "physics_silent", "faults.interaction",
+      {"a physics silenced by a fault of the session",
+       "physics_silent",
+       "faults.interaction",
        "bad",
-       [](TroubledRun& run) {
-         run.session.faults.interaction.windows.push_back({});
-         run.mofc.stale_ticks = 4'000;
-       }},
+       [](TroubledRun& run) { run.mofc.stale_ticks = 4'000; },
+       {"faults.interaction.outage={from_s: 1 until_s: 2}"}},
       {"a physics of 628 Hz", "physics_slow", "628 of 1,000", "bad",
        [](TroubledRun& run) { run.physics_steps = 6'280; }},
       {"a physics of 900 Hz", "physics_slow", "900 of 1,000", "fair",
@@ -168,93 +209,125 @@ inline std::vector<VerdictCase> verdict_cases() {
        }},
       {"a hand faster than v_max", "hand_too_fast", "v_max", "bad",
        [](TroubledRun& run) { run.mofc.too_fast_ticks = 500; }},
-      {"a recorded hand that jumps", "path_jumps", "1.000 s", "bad",
-       [=](TroubledRun& run) {
-         recorded_jump(run);
-         run.device.too_fast_readings = 200;
-       }},
-      {"an unlimited controller behind the monitor", "monitor_reduced", "does not limit", "bad",
-       [](TroubledRun& run) {
-         run.session.side().mofc.controller = ControllerKind::kNone;
-         run.device.monitor_reductions = 3'000;
-       }},
-      {"a clamp that lies", "monitor_reduced", "adversary.clamp", "bad",
-       [](TroubledRun& run) {
-         run.session.adversary.clamp = LyingClamp::kFullForce;
-         run.device.monitor_reductions = 3'000;
-       }},
+      {"a recorded hand that jumps",
+       "path_jumps",
+       "1.000 s",
+       "bad",
+       [](TroubledRun& run) { run.device.too_fast_readings = 200; },
+       {jump}},
+      {"an unlimited controller behind the monitor",
+       "monitor_reduced",
+       "does not limit",
+       "bad",
+       [](TroubledRun& run) { run.device.monitor_reductions = 3'000; },
+       {"mofc.controller=none"}},
+      {"a clamp that lies",
+       "monitor_reduced",
+       "adversary.clamp",
+       "bad",
+       [](TroubledRun& run) { run.device.monitor_reductions = 3'000; },
+       {"adversary.clamp=full_force"}},
       {"less friction than the profile claims", "monitor_reduced", "40 %", "fair",
        [](TroubledRun& run) {
          run.device.checked_friction_ratio = 0.4;
          run.device.monitor_reductions = 20;
        }},
-      {"a busy machine", "machine_late", "doctor", "bad",
+      {"a busy machine",
+       "machine_late",
+       "doctor",
+       "bad",
        [](TroubledRun& run) {
          run.device.loop.ticks -= 2'000;
          run.device.answered_ticks -= 2'000;
          run.device.loop.skipped_ticks = 2'000;
        },
+       {},
        false},
-      {"answers that are late on a busy machine", "machine_late", "--together", "fair",
-       [](TroubledRun& run) { unanswered(run, 200); }, false},
-      {"simulated late ticks", "simulated_device", "faults.device", "bad",
+      {"answers that are late on a busy machine",
+       "machine_late",
+       "--together",
+       "fair",
+       [](TroubledRun& run) { unanswered(run, 200); },
+       {},
+       false},
+      {"simulated late ticks",
+       "simulated_device",
+       "faults.device",
+       "bad",
        [](TroubledRun& run) {
-         run.session.faults.device.late_ratio = 0.5;
          run.device.loop.ticks -= 2'000;
          run.device.answered_ticks -= 2'000;
          run.device.loop.skipped_ticks = 2'000;
-       }},
-      {"simulated loss between device and clamp", "simulated_exchange", "faults.force_command",
+       },
+       {"faults.device.late_ratio=0.5"}},
+      {"simulated loss between device and clamp",
+       "simulated_exchange",
+       "faults.force_command",
        "bad",
-       [](TroubledRun& run) {
-         run.session.faults.force_command.loss_ratio = 0.3;
-         unanswered(run, 3'000);
-       }},
-      {"no answers in lockstep without any fault", "unknown", "", "fair",
-       [](TroubledRun& run) { unanswered(run, 200); }, true, false},
-      {"no controller", "no_controller", "mofc.controller=mofc", "bad",
-       [](TroubledRun& run) {
-         run.session.side().mofc.controller = ControllerKind::kNone;
-         run.device.minimum_true_energy_joule = -2e-3;
-       }},
-      {"another controller", "controller", "safety_net", "bad",
-       [](TroubledRun& run) {
-         run.session.side().mofc.controller = ControllerKind::kEnergyTank;
-         run.device.minimum_true_energy_joule = -2e-3;
-       }},
+       [](TroubledRun& run) { unanswered(run, 3'000); },
+       {"faults.force_command.loss_ratio=0.3"}},
+      {"no answers in lockstep without any fault",
+       "unknown",
+       "",
+       "fair",
+       [](TroubledRun& run) { unanswered(run, 200); },
+       {},
+       true,
+       false},
+      {"no controller",
+       "no_controller",
+       "mofc.controller=mofc",
+       "bad",
+       [](TroubledRun& run) { run.device.minimum_true_energy_joule = -2e-3; },
+       {"mofc.controller=none"}},
+      {"another controller",
+       "controller",
+       "safety_net",
+       "bad",
+       [](TroubledRun& run) { run.device.minimum_true_energy_joule = -2e-3; },
+       {"mofc.controller=energy_tank"}},
       {"a profile above the device", "profile_wrong", "lower bound", "bad",
        [](TroubledRun& run) { run.device.minimum_true_energy_joule = -2e-3; }},
       {"a path beside the tissue", "path", "hand's path", "bad",
        [](TroubledRun& run) { run.mofc.contact_ticks = 0; }},
-      {"held forces of a slow physics", "physics_rate", "mofc.interaction=local", "bad",
+      {"held forces of a slow physics",
+       "physics_rate",
+       "mofc.interaction=local",
+       "bad",
        [](TroubledRun& run) {
-         run.session.side().mofc.interaction = InteractionUse::kHeld;
-         run.session.physics.rate_hz = 100.0;
          run.physics_steps = 1'000;
          run.mofc.clamped_ticks = 3'000;
-       }},
-      {"held forces", "interaction_held", "mofc.interaction=local", "fair",
+       },
+       {"mofc.interaction=held", "physics.rate_hz=100"}},
+      {"held forces",
+       "interaction_held",
+       "mofc.interaction=local",
+       "fair",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 1'000; },
+       {"mofc.interaction=held"}},
+      {"a slow physics with local models",
+       "physics_rate",
+       "raise physics.rate_hz",
+       "bad",
        [](TroubledRun& run) {
-         run.session.side().mofc.interaction = InteractionUse::kHeld;
-         run.mofc.clamped_ticks = 1'000;
-       }},
-      {"a slow physics with local models", "physics_rate", "raise physics.rate_hz", "bad",
-       [](TroubledRun& run) {
-         run.session.physics.rate_hz = 100.0;
          run.physics_steps = 1'000;
          run.mofc.clamped_ticks = 3'000;
-       }},
-      {"coarse solutions", "solve_rate", "only 10 times", "bad",
-       [](TroubledRun& run) {
-         run.session.scene.tissues.push_back(
-             {.name = "liver", .geometry = {}, .material = ElasticMaterial{.solve_rate_hz = 10.0}});
-         run.mofc.clamped_ticks = 3'000;
-       }},
-      {"a simulated delay", "simulated_physics", "faults.tool_motion", "bad",
-       [](TroubledRun& run) {
-         run.session.faults.tool_motion.delay = std::chrono::milliseconds(40);
-         run.mofc.clamped_ticks = 3'000;
-       }},
+       },
+       {"physics.rate_hz=100"}},
+      {"coarse solutions",
+       "solve_rate",
+       "only 10 times",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"scene.tissue={name: \"liver\" tetrahedral_mesh {file: \"liver.msh\"} "
+        "elastic {young_pa: 10e3 solve_rate_hz: 10 fixed {half_space {point_m {z: -0.01}}}}}",
+        "scene.tool.tip_radius_m=0.004"}},
+      {"a simulated delay",
+       "simulated_physics",
+       "faults.tool_motion",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"faults.tool_motion.delay_ms=40"}},
       {"tissue too stiff for the device", "tissue_stiff", "softer", "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; }},
       {"a device that is too weak", "peak_force", "peak force", "fair",
@@ -264,6 +337,17 @@ inline std::vector<VerdictCase> verdict_cases() {
        }},
       {"a bound as large as the force", "tissue_stiff", "of its solution", "bad",
        [](TroubledRun& run) { run.physics.elastic_bound_newton = 0.5; }},
+      {"a force whose error nothing bounds", "tissue_stiff", "40 % of the contact", "fair",
+       [](TroubledRun& run) {
+         run.physics.elastic_contact_steps = 5'000;
+         run.physics.elastic_unknown_bound_steps = 2'000;
+       }},
+      {"a bound that does not hold", "tissue_stiff", "30 % of the measured errors", "fair",
+       [](TroubledRun& run) {
+         run.physics.elastic_bound_newton = 0.01;
+         run.physics.elastic_bounds_checked = 300;
+         run.physics.elastic_bound_violations = 90;
+       }},
   };
 }
 

@@ -49,7 +49,7 @@ inline MofcBatch mofc_batch(std::uint64_t batch, std::uint64_t first, std::uint6
     tick.device_session_id = device_session;
     tick.device_sequence = n;
     tick.device_sampled_at = time_of_tick(n);
-    tick.asked_force_on_hand_newton = {0, 0, 2};
+    tick.requested_force_on_hand_newton = {0, 0, 2};
     tick.commanded_force_on_hand_newton = {0, 0, 1};
     tick.state = MofcState::kContact;
     tick.is_in_contact = true;

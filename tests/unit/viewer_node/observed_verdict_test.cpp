@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same troubles as launch, a report and the page see them: through telemetry.
+// What a viewer counts of a run, and the verdict on it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "common/telemetry/verdict/verdict.h"
-#include "tests/unit/telemetry/verdict_cases.h"
 #include "tests/unit/viewer_node/batches.h"
 #include "viewer_node/recording/run_figures.h"
 
@@ -12,66 +11,6 @@ namespace palpate::viewer {
 namespace {
 
 using testing::HasSubstr;
-
-/// The last second of the run as batches; the nodes that were restarted spoke before it, too.
-struct Observed {
-  explicit Observed(const TroubledRun& run) {
-    const TimePoint now = time_of_tick(10'000);
-    if (run.is_device_restarted) take(device_batch(0, 0, 9, kDeviceSession - 1), time_of_tick(10));
-    if (run.is_mofc_restarted) {
-      take(mofc_batch(0, 0, 9, kDeviceSession, kMofcSession - 1), time_of_tick(10));
-    }
-    if (run.is_physics_restarted) {
-      take(physics_batch(0, 0, 9, kPhysicsSession - 1), time_of_tick(10));
-    }
-    take(device_batch(0, 0, 0), now);
-    DeviceBatch device = device_batch(1, 9'000, 9'999);
-    device.counters = run.device;
-    take(device, now);
-    if (run.is_mofc_heard) {
-      take(mofc_batch(0, 0, 0), now);
-      MofcBatch mofc = mofc_batch(1, 9'000, 9'999);
-      mofc.counters = run.mofc;
-      take(mofc, now);
-    }
-    if (run.is_physics_heard) {
-      PhysicsBatch physics = physics_batch(0, 0, 1);
-      physics.counters = run.physics;
-      physics.records.front().stepped_at = {};
-      physics.records.back().sequence = run.physics_steps;
-      physics.records.back().stepped_at = TimePoint(std::chrono::seconds(10));
-      take(physics, now);
-    }
-  }
-  template <class Batch>
-  void take(const Batch& batch, TimePoint now) {
-    mirror.take(batch, now);
-    figures.add(batch);
-  }
-
-  TelemetryMirror mirror;
-  RunFigures figures;
-};
-
-TEST(ObservedVerdict, NamesTheCauseOfEveryTrouble) {
-  std::size_t checked = 0;
-  for (const VerdictCase& one : verdict_cases()) {
-    if (!one.is_of_real_time) continue;
-    SCOPED_TRACE(one.name);
-    TroubledRun run;
-    one.trouble(run);
-    const Observed observed(run);
-    const auto findings = judge(
-        facts_of(facts_of(run.session, run.session.side()), observed.mirror, observed.figures));
-    std::string words;
-    for (const RunFinding& finding : findings) words += finding.text + ": " + finding.remedy + "\n";
-    EXPECT_EQ(cause_of(findings), one.cause) << words;
-    EXPECT_EQ(name(grade_of(findings)), one.grade) << words;
-    EXPECT_THAT(words, HasSubstr(one.remedy));
-    ++checked;
-  }
-  EXPECT_GE(checked, 20u);
-}
 
 TEST(ObservedVerdict, OfADeviceThatWasNeverHeardNamesTheKeysThatWereRefused) {
   const Session session;

@@ -35,7 +35,7 @@ TelemetryMirror healthy() {
   device.counters.answered_ticks = 4999;
   MofcBatch mofc = mofc_batch(0, 0, 999);
   for (MofcTick& tick : mofc.records) {
-    tick.asked_force_on_hand_newton = {0, 0, 2.4};
+    tick.requested_force_on_hand_newton = {0, 0, 2.4};
     tick.ledger_energy_joule = 3.1e-3;
     tick.force_age = 1100us;
     tick.is_clamped = tick.device_sequence % 8 == 0;
@@ -118,7 +118,7 @@ TEST(StatusLine, ShowsWhatIsNotKnownAsADash) {
   MofcBatch mofc = mofc_batch(0, 0, 9);
   for (MofcTick& tick : mofc.records) {
     tick.state = MofcState::kNoPhysics;
-    tick.asked_force_on_hand_newton = Vector3::Zero();
+    tick.requested_force_on_hand_newton = Vector3::Zero();
   }
   mirror.take(mofc, kStart);
   mirror.take(physics_batch(0, 0, 0), kStart);

@@ -392,17 +392,17 @@ TEST(TelemetryFigures, CompareTheForceAskedWithTheForceApplied) {
   device.records[1].force_on_hand_newton = {0, 0, 4};
   device.records[2].force_on_hand_newton = {0, 0, 4};
   MofcBatch mofc = mofc_batch(0, 0, 2);
-  mofc.records[1].asked_force_on_hand_newton = {0, 0, 4};
-  mofc.records[2].asked_force_on_hand_newton = {0, 0, 4};
+  mofc.records[1].requested_force_on_hand_newton = {0, 0, 4};
+  mofc.records[2].requested_force_on_hand_newton = {0, 0, 4};
   mofc.records[0].is_clamped = true;
   TelemetryMirror mirror;
   mirror.take(device, kArrival);
   mirror.take(mofc, kArrival);
 
   const TelemetryFigures figures = mirror.figures();
-  EXPECT_DOUBLE_EQ(figures.asked_newton, 4.0);
+  EXPECT_DOUBLE_EQ(figures.requested_newton, 4.0);
   EXPECT_DOUBLE_EQ(figures.applied_newton, 4.0);
-  EXPECT_DOUBLE_EQ(figures.max_asked_newton, 4.0);
+  EXPECT_DOUBLE_EQ(figures.max_requested_newton, 4.0);
   EXPECT_DOUBLE_EQ(figures.max_applied_newton, 4.0);
   EXPECT_DOUBLE_EQ(figures.clamped_ratio, 1.0 / 3.0);
   EXPECT_DOUBLE_EQ(figures.transparency, 0.75);                            // (½ + 1)/2
@@ -415,12 +415,12 @@ TEST(TelemetryFigures, TakeTheForceNowFromTheNewestTickThatBothSidesReported) {
   device.records[9].force_on_hand_newton = {0, 3, 0};
   mirror.take(device, kArrival);
   EXPECT_DOUBLE_EQ(mirror.figures().applied_newton, 3.0) << "nothing of mofc: the newest";
-  EXPECT_TRUE(std::isnan(mirror.figures().asked_newton));
+  EXPECT_TRUE(std::isnan(mirror.figures().requested_newton));
 
   mirror.take(mofc_batch(0, 0, 5), kArrival);
 
   EXPECT_DOUBLE_EQ(mirror.figures().applied_newton, 1.0);
-  EXPECT_DOUBLE_EQ(mirror.figures().asked_newton, 2.0);
+  EXPECT_DOUBLE_EQ(mirror.figures().requested_newton, 2.0);
 }
 
 TEST(TelemetryFigures, GiveTheNewestEnergiesAndStates) {

@@ -159,7 +159,7 @@ test("PlotJuggler's port gives every tick as plot.proto says", kLimit, async () 
     });
     socket.connect(endpoint);
     socket.subscribe("");
-    replay = spawn(join(bin, "palpate"), ["replay", join(folder, "run.mcap"), "--loop"], { ...run, stdio: "ignore" });
+    replay = spawn(join(bin, "palpate"), ["replay", join(folder, "run.mcap"), "--loop", "--no-viewer"], { ...run, stdio: "ignore" });
 
     const type = (await protobuf.load(join(root, "proto/palpate/v1/plot.proto"))).lookupType("palpate.v1.Telemetry");
     let last = null;

@@ -253,7 +253,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
         deviceState: counters(), interaction: counters(), ticks: tick, contactTicks: contact_ticks, clampedTicks: clamped_ticks,
         transparencyIntegralNs: transparency_integral_ns, transparencyTimeNs: transparency_time_ns,
       },
-      deviceSessionId: mofc.session, deviceSequence: mofc.seq, deviceSampledAtNs: mofc.at, askedForceOnHandNewton: mofc.asked,
+      deviceSessionId: mofc.session, deviceSequence: mofc.seq, deviceSampledAtNs: mofc.at, requestedForceOnHandNewton: mofc.asked,
       commandedForceOnHandNewton: mofc.commanded, fMaxNewton: mofc.bound, ledgerEnergyJoule: mofc.ledger, forceAgeNs: mofc.age, state: mofc.state, flags: mofc.flags,
     }));
     if (world.alive.physics) send_all("/physics", encode("palpate.v1.PhysicsTelemetry", {

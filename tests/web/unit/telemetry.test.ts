@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { duration_words, forces_of, node_state, state_words, time_words } from "../../../viewer_node/web/src/state";
 import {
-  bin_of, kAskedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kReplyTime, kTissueForce, kTransparency, Telemetry,
+  bin_of, kRequestedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kReplyTime, kTissueForce, kTransparency, Telemetry,
 } from "../../../viewer_node/web/src/telemetry";
 import type { DeviceTelemetry, Health, MofcTelemetry, PhysicsTelemetry } from "../../../viewer_node/web/src/wire";
 
@@ -40,7 +40,7 @@ function mofc(sequence: number, first: number, rows: number, more: Partial<MofcT
     recordsLost: 0n,
     deviceSessionId: repeat(rows, kDevice),
     deviceSampledAtNs: Array.from({ length: rows }, (_, i) => BigInt(first + i) * 1000000n + 5000000000n),
-    askedForceOnHandNewton: Array.from({ length: 3 * rows }, (_, i) => [0, 0, 10][i % 3]),
+    requestedForceOnHandNewton: Array.from({ length: 3 * rows }, (_, i) => [0, 0, 10][i % 3]),
     commandedForceOnHandNewton: repeat(3 * rows, 0), fMaxNewton: repeat(3 * rows, 6),
     ledgerEnergyJoule: repeat(rows, 0.001), forceAgeNs: repeat(rows, 2000000n), state: repeat(rows, 2), flags: repeat(rows, 2),
     ...more,
@@ -71,7 +71,7 @@ test("both nodes’ ticks share the device’s clock", () => {
   assert.equal(telemetry.device.time_s(0), 0);
   assert.ok(Math.abs(telemetry.mofc.time_s(19) - 0.019) < 1e-12);
   assert.equal(telemetry.device.value(kForceNorm, 19), 5);
-  assert.equal(telemetry.mofc.value(kAskedNorm, 19), 10);
+  assert.equal(telemetry.mofc.value(kRequestedNorm, 19), 10);
   assert.equal(telemetry.mofc.value(kBoundNorm, 19), 6); // one bound for all axes
 });
 
@@ -138,7 +138,7 @@ test("transparency runs over the last second", () => {
   at(0, 0, 100, 100n); // all of the force so far
   at(1, 500, 150, 200n); // 50 of 100 since
   at(2, 1400, 160, 300n); // of the last second only 10 of 100
-  at(3, 1420, 160, 300n); // nothing asked: still within the second
+  at(3, 1420, 160, 300n); // nothing requested: still within the second
 
   assert.equal(telemetry.batches.value(kTransparency, 1), 0.5);
   assert.ok(Math.abs(telemetry.batches.value(kTransparency, 2) - 0.1) < 1e-6);
@@ -289,14 +289,14 @@ test("a clamp that leaves less than half of the force for half a second says wha
 
 test("no words contradict the force beside them", () => {
   const telemetry = running();
-  telemetry.take_mofc(mofc(1, 20, 20, { state: repeat(20, 0), askedForceOnHandNewton: repeat(60, 2) }), 1);
+  telemetry.take_mofc(mofc(1, 20, 20, { state: repeat(20, 0), requestedForceOnHandNewton: repeat(60, 2) }), 1);
   assert.doesNotMatch(state_words(telemetry, true, 1).detail, /no force/);
   assert.match(state_words(telemetry, true, 1).detail, /fades/);
-  telemetry.take_mofc(mofc(2, 40, 20, { state: repeat(20, 0), askedForceOnHandNewton: repeat(60, 0) }), 1);
+  telemetry.take_mofc(mofc(2, 40, 20, { state: repeat(20, 0), requestedForceOnHandNewton: repeat(60, 0) }), 1);
   assert.match(state_words(telemetry, true, 1).detail, /no force is requested/);
   // of a node that is gone no force is known
   telemetry.take_device(device(2, 40, 20), 9);
-  assert.equal(forces_of(telemetry, true, 9).asked, null);
+  assert.equal(forces_of(telemetry, true, 9).requested, null);
   assert.ok(forces_of(telemetry, true, 9).applied);
   assert.equal(forces_of(telemetry, false, 9).applied, null);
 });
@@ -321,7 +321,7 @@ test("a force is withdrawn within 0.1 s of a node's end, not between batches of 
   }
   assert.ok(forces_of(telemetry, true, 2.07).applied);
   assert.equal(forces_of(telemetry, true, 2.09).applied, null);
-  assert.equal(forces_of(telemetry, true, 2.09).asked, null);
+  assert.equal(forces_of(telemetry, true, 2.09).requested, null);
 
   const thinned = running(1);
   for (let batch = 1; batch < 80; ++batch) thinned.take_device(device(batch, 100 * batch, 100), 1 + 0.1 * batch);

@@ -18,7 +18,7 @@ export class Loop {
 
   constructor(parent: HTMLElement) {
     this.card = new Card(parent, "contact", "Contact", "", "Force of the tissue over the depth of the tool in it, in the time window. The area in the loop is the energy lost in the tissue.", [
-      { label: "depth", colour: "--asked" }, { label: "speed", colour: "--asked" }, { label: "local stiffness", colour: "--asked" },
+      { label: "depth", colour: "--requested" }, { label: "speed", colour: "--requested" }, { label: "local stiffness", colour: "--requested" },
     ]);
     this.card.element.classList.add("plain-keys");
     this.card.body.append(this.canvas);
@@ -91,7 +91,7 @@ export class Loop {
       context.fillText(`${fixed(at)} N`, kLeft_px - 4, y_of(at) + 4);
     }
 
-    context.strokeStyle = palette.of("--asked");
+    context.strokeStyle = palette.of("--requested");
     context.lineWidth = 1.5;
     context.beginPath();
     let is_drawing = false;

@@ -234,8 +234,8 @@ strain_choice.hidden = true; // until an elastic body reports it
 
 function set_tools(): void {
   [...sides.values()].forEach((one, index) => {
-    const { asked, applied } = forces_of(one, is_connected(), seconds());
-    view.set_tool(one.tool_m, one.tool_orientation, asked ?? kNoForce, applied ?? kNoForce, index);
+    const { requested, applied } = forces_of(one, is_connected(), seconds());
+    view.set_tool(one.tool_m, one.tool_orientation, requested ?? kNoForce, applied ?? kNoForce, index);
   });
 }
 
@@ -284,7 +284,7 @@ function dress(): void {
   const palette: Palette = { ink: of("--ink"), faint: of("--faint"), line: of("--line"), of };
   view.set_theme({
     background: of("--scene"), grid: of("--grid"), ink: of("--ink"), tool: of("--tool"),
-    asked: of("--asked"), applied: of("--applied"), target: of("--accent"),
+    requested: of("--requested"), applied: of("--applied"), target: of("--accent"),
   });
   for (const plot of plots.all) plot.build(palette);
   plots_due_s = 0;
@@ -438,7 +438,7 @@ Object.defineProperty(window, "__test", {
       contact: { depth_m: telemetry.depth_m, speed_m_per_s: telemetry.speed_m_per_s, stiffness_newton_per_m: telemetry.stiffness_newton_per_m },
       events: timeline.events.map(({ at_s, lane, node, text }) => ({ at_s, lane, node, text })),
       tool_m: { ...telemetry.tool_m }, tool_px: view.project(telemetry.tool_m), target_m: { ...hand.target },
-      applied_newton: norm(telemetry.applied_newton), asked_newton: norm(telemetry.asked_newton),
+      applied_newton: norm(telemetry.applied_newton), requested_newton: norm(telemetry.requested_newton),
       replay: run.replay && { ...run.replay, beginNs: Number(run.replay.beginNs) }, recorder: telemetry.health?.recorder,
       hand: { ...hand.status, sent: hand.sent_count, client_id: Number(hand.client_id) },
       is_paused, window_s, mode,

@@ -112,9 +112,9 @@ export function write_state(telemetry: Telemetry, is_connected: boolean, now_s: 
   by_id("state").dataset.tone = words.tone;
   write(by_id("state-title"), words.title);
   write(by_id("state-detail"), words.detail);
-  const { asked, applied } = forces_of(telemetry, is_connected, now_s);
+  const { requested, applied } = forces_of(telemetry, is_connected, now_s);
   write(by_id("force-applied"), applied ? norm(applied).toFixed(2) : "–");
-  write(by_id("force-asked"), asked ? norm(asked).toFixed(2) : "–");
+  write(by_id("force-requested"), requested ? norm(requested).toFixed(2) : "–");
 }
 
 export function write_hand({ is_allowed, is_mine, is_others, is_held }: HandStatus, is_touching: boolean): void {
@@ -211,6 +211,7 @@ export class Measure {
 /** Counters since the start. */
 export class Counters {
   private readonly values = new Map<string, HTMLElement>();
+  private readonly elastic: HTMLElement; // its figures, shown where there is elastic tissue
 
   constructor(parent: HTMLElement) {
     const card = make("section", "card counters");
@@ -231,6 +232,7 @@ export class Counters {
       }
       section.append(make("h3", "", title), list);
       groups.append(section);
+      return section;
     };
     group("Ticks", [
       ["answered", "in time", "answered within the tick, of all scheduled ticks"],
@@ -259,6 +261,16 @@ export class Counters {
       ["refused", "refused", "malformed messages and answers to a state that was never sent, all hops"],
       ["telemetry", "telemetry", "batches and ticks that did not reach this page"],
     ]);
+    this.elastic = group("Elastic tissue", [
+      ["solves", "full solutions", "of the whole body, and those that took longer than their period"],
+      ["failed", "failed", "solutions with the tip on the wrong side of the surface, undone; repaired: contact went on"],
+      ["appeared", "appeared inside", "times a tool appeared inside the tissue"],
+      ["elastic_error", "error", "of the force between two full solutions, as last measured"],
+      ["bound", "stated bound", "of that error, at the last step in contact; unknown until an error was measured near the place"],
+      ["exceeded", "above the bound", "measured errors above the bound stated for their place"],
+      ["unbounded", "without a bound", "share of the steps in contact in which nothing bounds the error"],
+    ]);
+    this.elastic.hidden = true;
     card.append(head, groups);
     parent.append(card);
   }
@@ -293,7 +305,20 @@ export class Counters {
       this.set("hop1", count_words(mofc.deviceState.skipped), mofc.deviceState.skipped > 0n);
       this.set("hop3", count_words(mofc.interaction.skipped));
     }
-    if (physics) this.set("hop2", count_words(physics.toolMotion.skipped));
+    if (physics) {
+      this.set("hop2", count_words(physics.toolMotion.skipped));
+      this.elastic.hidden = physics.elasticSolves === 0n;
+      this.set("solves", `${count_words(physics.elasticSolves)}, ${count_words(physics.elasticSolvesLate)} late`);
+      this.set("failed", `${count_words(physics.elasticSolvesFailed)}, ${count_words(physics.elasticSolvesRepaired)} repaired`,
+        physics.elasticSolvesFailed > 0n);
+      this.set("appeared", count_words(physics.elasticTipsAppeared));
+      this.set("elastic_error", newton_words(physics.elasticErrorNewton));
+      this.set("bound", newton_words(physics.elasticBoundNewton));
+      this.set("exceeded", `${count_words(physics.elasticBoundViolations)} of ${count_words(physics.elasticBoundsChecked)}`,
+        10n * physics.elasticBoundViolations >= physics.elasticBoundsChecked && physics.elasticBoundsChecked > 0n);
+      this.set("unbounded", physics.elasticContactSteps === 0n ? "–"
+        : percent(Number(physics.elasticUnknownBoundSteps) / Number(physics.elasticContactSteps)));
+    }
     const links = [device?.forceCommand, mofc?.deviceState, mofc?.interaction, physics?.toolMotion];
     const refused = links.reduce((sum, link) => sum + (link ? link.rejected + link.ahead : 0n), health?.framesRejected ?? 0n);
     this.set("refused", count_words(refused), refused > 0n);
@@ -317,6 +342,10 @@ export function write_session(scene: SceneState): void {
   by_id("session").replaceChildren(name, scene.controller);
   by_id("session").title = `${scene.sessionName}, ${scene.controller}`;
   document.title = `${scene.sessionName} – Palpate`;
+}
+
+function newton_words(newton: number | undefined): string {
+  return newton === undefined ? "unknown" : `${newton.toPrecision(2)} N`;
 }
 
 function percent(ratio: number): string {

@@ -7,7 +7,7 @@ import { Loop } from "./loop";
 import { cell_times, cells_of, reduce } from "./ring";
 import { time_words } from "./state";
 import {
-  kAskedNorm, kAskedX, kBoundNorm, kBoundX, kForceAge, kForceNorm, kForceX, kLatenessBins, kLedger, kReplyTime,
+  kRequestedNorm, kRequestedX, kBoundNorm, kBoundX, kForceAge, kForceNorm, kForceX, kLatenessBins, kLedger, kReplyTime,
   kTransparency, kTrueEnergy, upper_border_s, type Instant,
 } from "./telemetry";
 
@@ -295,7 +295,7 @@ export class Plots {
       id: "force", title: "Force on the hand", unit: "N",
       help: "Requested force before the clamp, rendered force on the hand, and the clamp’s bound.",
       series: [
-        { label: "requested", colour: "--asked", ring: "mofc", column: kAskedNorm, scale: 1 },
+        { label: "requested", colour: "--requested", ring: "mofc", column: kRequestedNorm, scale: 1 },
         { label: "on the hand", colour: "--applied", ring: "device", column: kForceNorm, scale: 1 },
         { label: "bound", colour: "--bound", dash: true, ring: "mofc", column: kBoundNorm, scale: 1 },
       ],
@@ -322,7 +322,7 @@ export class Plots {
       id: "timing", title: "Age and reply", unit: "ms",
       help: "Age of the device state that the force answers, and time to the answer within a tick.",
       series: [
-        { label: "age", colour: "--asked", ring: "mofc", column: kForceAge, scale: 1e3 },
+        { label: "age", colour: "--requested", ring: "mofc", column: kForceAge, scale: 1e3 },
         { label: "reply", colour: "--applied", ring: "device", column: kReplyTime, scale: 1e3 },
       ],
       is_logarithmic: true,
@@ -341,10 +341,10 @@ export class Plots {
 
   set_force_axis(axis: ForceAxis): void {
     if (axis === "norm") {
-      this.force.set_columns([kAskedNorm, kForceNorm, kBoundNorm], from_zero(0.5));
+      this.force.set_columns([kRequestedNorm, kForceNorm, kBoundNorm], from_zero(0.5));
     } else {
       const offset = "xyz".indexOf(axis);
-      this.force.set_columns([kAskedX + offset, kForceX + offset, kBoundX + offset], around_zero(0.5));
+      this.force.set_columns([kRequestedX + offset, kForceX + offset, kBoundX + offset], around_zero(0.5));
     }
   }
 }

@@ -174,7 +174,7 @@ export class SceneView {
   }
 
   /** @param index  of the side, from 0; a new one adds a tool */
-  set_tool(position: Vector3, orientation: Quaternion, asked: Vector3, applied: Vector3, index = 0): void {
+  set_tool(position: Vector3, orientation: Quaternion, requested: Vector3, applied: Vector3, index = 0): void {
     if (!Number.isFinite(position.x)) return;
     while (this.tools.length <= index) {
       const made = new Tool();
@@ -185,7 +185,7 @@ export class SceneView {
     }
     const tool = this.tools[index];
     const p = this.a.set(position.x, position.y, position.z);
-    if (!tool.place(p, orientation, asked, applied, this.arrow_m_per_newton)) return;
+    if (!tool.place(p, orientation, requested, applied, this.arrow_m_per_newton)) return;
     // a line down to the highest surface below shows the height
     const below_m = this.height_below(p);
     tool.plumb.visible = Number.isFinite(below_m);

@@ -35,10 +35,10 @@ export function verdict_of(message: string): { side: string; words: string } | n
 }
 
 /** Requested and rendered force; null where the node that tells it is gone. */
-export function forces_of(telemetry: Telemetry, is_connected: boolean, now_s: number): { asked: Vector3 | null; applied: Vector3 | null } {
+export function forces_of(telemetry: Telemetry, is_connected: boolean, now_s: number): { requested: Vector3 | null; applied: Vector3 | null } {
   const is_known = is_connected && telemetry.is_fresh("device", now_s);
   return {
-    asked: is_known && telemetry.is_fresh("mofc", now_s) ? telemetry.asked_newton : null,
+    requested: is_known && telemetry.is_fresh("mofc", now_s) ? telemetry.requested_newton : null,
     applied: is_known ? telemetry.applied_newton : null,
   };
 }
@@ -61,7 +61,7 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
   }
   if (telemetry.guard === Guard.limp) return words("limp", "Limp", "The motors apply no force.", "notice");
   if (!physics.is_alive(now_s) || telemetry.mofc_state === Mofc.no_physics) {
-    return words("no_physics", "No physics", norm(telemetry.asked_newton) > kShown_newton
+    return words("no_physics", "No physics", norm(telemetry.requested_newton) > kShown_newton
       ? "No node simulates the tissue: the force fades to zero."
       : "No node simulates the tissue: no force is requested.", "alarm");
   }
@@ -80,10 +80,10 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
           : words("clamped", "Contact, clamped", "The clamp reduces the force.", "notice")
         : words("contact", "Contact", "The force of the tissue is rendered.", "active");
     default:
-      if (telemetry.is_clamped && norm(telemetry.asked_newton) > 0) {
+      if (telemetry.is_clamped && norm(telemetry.requested_newton) > 0) {
         return words("clamped", "Clamped", "The clamp reduces the force.", "notice");
       }
-      return words("free", "Free", norm(telemetry.asked_newton) > kShown_newton
+      return words("free", "Free", norm(telemetry.requested_newton) > kShown_newton
         ? "The tool has left the tissue: the force fades to zero." : "The tool touches nothing.", "calm");
   }
 }

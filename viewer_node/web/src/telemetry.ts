@@ -37,7 +37,7 @@ export type NodeName = (typeof kNodes)[number];
 export const kForceX = 0, kForceNorm = 3, kTrueEnergy = 4, kLateness = 5, kReplyTime = 6;
 const kDeviceColumns = 7;
 // of mofc's: requested force, before the clamp; its bound
-export const kAskedX = 0, kAskedNorm = 3, kBoundX = 4, kBoundNorm = 7, kLedger = 8, kForceAge = 9;
+export const kRequestedX = 0, kRequestedNorm = 3, kBoundX = 4, kBoundNorm = 7, kLedger = 8, kForceAge = 9;
 const kMofcColumns = 10;
 // of the batches: running sums, and their ratio over the last second
 const kTransparencyIntegral = 0, kTransparencyTime = 1;
@@ -130,7 +130,7 @@ export class Telemetry {
   readonly tool_m: Vector3 = { x: NaN, y: NaN, z: NaN }; // W, measured, of the same tick
   readonly tool_orientation: Quaternion = { w: 1, x: 0, y: 0, z: 0 }; // W from T, likewise
   readonly applied_newton: Vector3 = { x: 0, y: 0, z: 0 }; // on the hand
-  readonly asked_newton: Vector3 = { x: 0, y: 0, z: 0 };
+  readonly requested_newton: Vector3 = { x: 0, y: 0, z: 0 };
   /** Of the tool, W; NaN while unknown. */
   speed_m_per_s = NaN;
   /** Of the deepest contact; 0 without one, NaN if physics does not tell. */
@@ -214,7 +214,7 @@ export class Telemetry {
     const rows = batch.deviceSampledAtNs.length;
     require_columns(columns_agree(rows,
       [batch.deviceSessionId, batch.ledgerEnergyJoule, batch.forceAgeNs, batch.state, batch.flags],
-      [batch.askedForceOnHandNewton, batch.commandedForceOnHandNewton, batch.fMaxNewton]));
+      [batch.requestedForceOnHandNewton, batch.commandedForceOnHandNewton, batch.fMaxNewton]));
     if (this.nodes.mofc.note(batch.header, batch.recordsLost, batch.counters.ticks, now_s)) {
       this.batches.clear();
     }
@@ -226,9 +226,9 @@ export class Telemetry {
       const t_s = this.seconds(batch.deviceSampledAtNs[i]);
       if (!ring.append(t_s)) continue;
       last = i;
-      put_vector(ring, kAskedX, batch.askedForceOnHandNewton, i);
+      put_vector(ring, kRequestedX, batch.requestedForceOnHandNewton, i);
       put_bound(ring, batch.fMaxNewton, i);
-      if (!(ring.value(kBoundNorm, ring.length - 1) < 0.5 * ring.value(kAskedNorm, ring.length - 1))) this.rendered_s = t_s;
+      if (!(ring.value(kBoundNorm, ring.length - 1) < 0.5 * ring.value(kRequestedNorm, ring.length - 1))) this.rendered_s = t_s;
       ring.set(kLedger, batch.ledgerEnergyJoule[i]);
       const age_s = 1e-9 * Number(batch.forceAgeNs[i]);
       if (age_s > 0) ring.set(kForceAge, age_s);
@@ -237,7 +237,7 @@ export class Telemetry {
     if (last < 0) return;
     this.mofc_state = batch.state[last];
     this.is_in_contact = (batch.flags[last] & kMofcInContact) !== 0;
-    copy_vector(batch.askedForceOnHandNewton, last, this.asked_newton);
+    copy_vector(batch.requestedForceOnHandNewton, last, this.requested_newton);
     this.keep_transparency(batch);
   }
 

@@ -23,7 +23,7 @@ export interface Theme {
   grid: string;
   ink: string;
   tool: string;
-  asked: string;
+  requested: string;
   applied: string;
   target: string;
 }
@@ -38,19 +38,19 @@ export class Tool {
   }));
   readonly plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
   // where requested and rendered force agree, the wide arrow hides the slim one
-  private readonly asked = new Arrow(0.5);
+  private readonly requested = new Arrow(0.5);
   private readonly applied = new Arrow(1);
   private readonly turned = new Turn(); // scratch
 
   constructor() {
     this.ball.castShadow = true;
     this.ball.visible = this.shaft.visible = this.plumb.visible = false;
-    this.group.add(this.ball, this.shaft, this.asked.group, this.applied.group, this.plumb);
+    this.group.add(this.ball, this.shaft, this.requested.group, this.applied.group, this.plumb);
   }
 
   set_size({ tipRadiusM, shaftLengthM, shaftRadiusM }: ToolSize, scene_radius_m: number): void {
     this.ball.scale.setScalar(Math.max(tipRadiusM, kDrawnTip_m));
-    this.asked.thickness_m = this.applied.thickness_m = Math.max(0.35 * tipRadiusM, 0.006 * scene_radius_m);
+    this.requested.thickness_m = this.applied.thickness_m = Math.max(0.35 * tipRadiusM, 0.006 * scene_radius_m);
     this.shaft.geometry.dispose();
     this.shaft.geometry = shaftLengthM > 0 // three's stand along y, about their middle
       ? new CapsuleGeometry(shaftRadiusM, shaftLengthM, 12, 28).translate(0, 0.5 * shaftLengthM, 0).rotateX(0.5 * Math.PI)
@@ -61,22 +61,22 @@ export class Tool {
   set_theme(theme: Theme): void {
     this.ball.material.color.set(theme.tool);
     this.shaft.material.color.set(theme.tool);
-    this.asked.colour(theme.asked);
+    this.requested.colour(theme.requested);
     this.applied.colour(theme.applied);
     this.plumb.material.color.set(theme.ink);
   }
 
   /** False if nothing has changed. */
-  place(at: V3, { x, y, z, w }: Quaternion, asked: Vector3, applied: Vector3, metres_per_newton: number): boolean {
+  place(at: V3, { x, y, z, w }: Quaternion, requested: Vector3, applied: Vector3, metres_per_newton: number): boolean {
     const turned = this.turned.set(x, y, z, w);
     if (this.ball.visible && this.ball.position.equals(at) && this.shaft.quaternion.equals(turned) &&
-      this.applied.equals(applied) && this.asked.equals(asked)) return false;
+      this.applied.equals(applied) && this.requested.equals(requested)) return false;
     this.ball.visible = true;
     this.shaft.visible = this.shaft.geometry.hasAttribute("position");
     this.ball.position.copy(at);
     this.shaft.position.copy(at);
     this.shaft.quaternion.copy(turned);
-    this.asked.point(at, asked, metres_per_newton);
+    this.requested.point(at, requested, metres_per_newton);
     this.applied.point(at, applied, metres_per_newton);
     return true;
   }

@@ -83,7 +83,7 @@ export interface MofcTelemetry {
   recordsLost: bigint;
   deviceSessionId: bigint[];
   deviceSampledAtNs: bigint[];
-  askedForceOnHandNewton: number[];
+  requestedForceOnHandNewton: number[];
   commandedForceOnHandNewton: number[];
   fMaxNewton: number[];
   ledgerEnergyJoule: number[];
@@ -98,6 +98,17 @@ export interface PhysicsTelemetry {
     loop: LoopCounters;
     toolMotion: LinkCounters;
     worstComputeTimeNs: bigint;
+    elasticSolves: bigint;
+    elasticSolvesLate: bigint;
+    elasticSolvesFailed: bigint;
+    elasticSolvesRepaired: bigint;
+    elasticTipsAppeared: bigint;
+    elasticErrorNewton?: number; // missing: unknown
+    elasticBoundNewton?: number; // likewise
+    elasticBoundViolations: bigint;
+    elasticBoundsChecked: bigint;
+    elasticContactSteps: bigint;
+    elasticUnknownBoundSteps: bigint;
   };
   recordsLost: bigint;
   steppedAtNs: bigint[];

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// materials.h — how stiff tissues are, by name, each figure with its source.
+// materials.h — how stiff tissues are, by name, each figure with its source: for `material` in a
+// session, and for the labels of a segmentation.
 #pragma once
 
 #include <array>
 #include <string>
 #include <string_view>
 
-namespace palpate::scan {
+namespace palpate {
 
 struct TissueMaterial {
   const char* name;
-  double young_pa;
+  double young_pa;  ///< Young's modulus E, of the tissue at rest or at a low frequency
   double least_pa;  ///< of the range that the source gives
   double largest_pa;
   const char* method;
@@ -35,4 +36,13 @@ inline constexpr double kAssumedYoung_pa = 10e3;
 /// Whether the label is a lesion, by code or name: what a hand searches for.
 [[nodiscard]] bool is_lesion(std::string_view name, std::string_view code);
 
-}  // namespace palpate::scan
+/// The one with exactly this name, as `material` in a session gives it; nullptr: there is none.
+[[nodiscard]] const TissueMaterial* material_named(std::string_view name);
+
+/// "liver, 4.1 to 6.4 kPa: method; source (read date)".
+[[nodiscard]] std::string source_of(const TissueMaterial& material);
+
+/// All of them as a table in Markdown: that of docs/materials.md.
+[[nodiscard]] std::string materials_table();
+
+}  // namespace palpate

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "deploy/scan/materials.h"
+#include "common/session/materials.h"
 
 #include <algorithm>
+#include <cstdio>
 
-namespace palpate::scan {
+namespace palpate {
 namespace {
 
 constexpr std::size_t kPrefix = 5;  // a shorter word stands for itself alone
@@ -82,4 +83,38 @@ bool is_lesion(std::string_view name, std::string_view code) {
          has_word(name, kLesionWords) || has_word(name, "hcc");
 }
 
-}  // namespace palpate::scan
+const TissueMaterial* material_named(std::string_view name) {
+  const auto& all = tissue_materials();
+  const auto* found = std::find_if(all.begin(), all.end(),
+                                   [&](const TissueMaterial& one) { return one.name == name; });
+  return found == all.end() ? nullptr : found;
+}
+
+std::string source_of(const TissueMaterial& material) {
+  char range[80] = "";  // NOLINT: for snprintf
+  if (material.least_pa < material.largest_pa) {
+    std::snprintf(range, sizeof range, ", %.3g to %.3g kPa", 1e-3 * material.least_pa,
+                  1e-3 * material.largest_pa);
+  }
+  return std::string(material.name) + range + ": " + material.method + "; " + material.source +
+         " (read " + material.date + ")";
+}
+
+std::string materials_table() {
+  std::string table =
+      "| material | E | range | method | source | read |\n|---|---|---|---|---|---|\n";
+  for (const TissueMaterial& one : tissue_materials()) {
+    char figures[120];  // NOLINT: for snprintf
+    if (one.least_pa < one.largest_pa) {
+      std::snprintf(figures, sizeof figures, "%.3g kPa | %.3g to %.3g kPa", 1e-3 * one.young_pa,
+                    1e-3 * one.least_pa, 1e-3 * one.largest_pa);
+    } else {
+      std::snprintf(figures, sizeof figures, "%.3g kPa | one value", 1e-3 * one.young_pa);
+    }
+    table += "| " + std::string(one.name) + " | " + figures + " | " + one.method + " | " +
+             one.source + " | " + one.date + " |\n";
+  }
+  return table;
+}
+
+}  // namespace palpate

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: Apache-2.0
+// journal.h — what decides about a fault, as it happens: each reading, force and raw transfer, and
+// now and then the state of everything that remembers. The tick only fills rings; post_mortem.h
+// empties them on another thread.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "common/core/spsc_ring.h"
+#include "common/core/time.h"
+#include "common/core/vector.h"
+#include "common/telemetry/device_telemetry.h"
+#include "device_node/device.h"
+#include "device_node/monitor/force_monitor.h"
+#include "device_node/monitor/frozen_watch.h"
+#include "device_node/monitor/reading_judge.h"
+
+namespace palpate::device {
+
+enum class JournalKind : std::uint8_t {
+  kJudge = 0,     ///< ReadingJudge::read()
+  kFrozen = 1,    ///< FrozenWatch::read()
+  kRead = 2,      ///< of ForceMonitor, from here
+  kEnded = 3,     ///<
+  kCover = 4,     ///<
+  kSwitched = 5,  ///<
+  kFailed = 6,    ///<
+  kReleased = 7,  ///<
+  kSlept = 8,     ///<
+  kLost = 9,      ///< to here; a reset, with begin() of the two others
+  kBegin = 10,    ///< FrozenWatch::begin()
+  kFault = 11,    ///< a fault was latched
+};
+inline constexpr int kJournalKinds = 12;
+
+/// One call, its arguments and what it decided. Fields that a kind does not use are zero.
+struct JournalEntry {
+  std::uint64_t index = 0;  ///< counts from 0: a gap shows that entries were lost
+  JournalKind kind = JournalKind::kJudge;
+  TimePoint at{};
+  Vector3 position_m = Vector3::Zero();    ///< D
+  Vector3 force_newton = Vector3::Zero();  ///< D
+  Duration lease{};                        ///< or late, or slept
+  ReadingDetails details{};
+  bool is_good = true;                       ///< kJudge, kFrozen: plausible; kCover: not reduced
+  Vector3 covered_newton = Vector3::Zero();  ///< kCover
+  Duration covered_lease{};                  ///< kCover
+  double monitor_joule = 0.0;                ///< M after the call
+  FaultReason fault = FaultReason::kNone;
+
+  template <class Archive>
+  void list(Archive& archive) {
+    archive(index);
+    archive(kind);
+    archive(at);
+    archive(position_m);
+    archive(force_newton);
+    archive(lease);
+    archive(details.skew);
+    archive(details.turning_joule);
+    archive(details.acting_newton);
+    archive(is_good);
+    archive(covered_newton);
+    archive(covered_lease);
+    archive(monitor_joule);
+    archive(fault);
+  }
+};
+
+/// Everything that remembers something from one call to the next.
+struct JournalState {
+  std::uint64_t index = 0;  ///< of the first entry after it
+  TimePoint at{};
+  ForceMonitor monitor;
+  FrozenWatch frozen;
+  ReadingJudge judge;
+
+  template <class Archive>
+  void list(Archive& archive) {
+    archive(index);
+    archive(at);
+    monitor.list(archive);
+    frozen.list(archive);
+    judge.list(archive);
+  }
+};
+
+/// One message of the device's wire; longer ones are cut.
+struct WireTransfer {
+  TimePoint at{};
+  bool is_sent = false;
+  std::uint32_t size = 0;  ///< of the whole message
+  std::array<std::byte, 480> bytes{};
+};
+
+/// Written by the tick, read by one other thread. Nothing blocks or allocates after construction;
+/// what finds a full ring is lost and leaves a gap.
+class Journal final : public WireTap {
+ public:
+  static constexpr Duration kStateEvery = std::chrono::milliseconds(500);
+
+  Journal() : entries_(kEntries), states_(kStates), transfers_(kTransfers) {}
+
+  // --- the tick ---
+  void keep(JournalEntry entry) noexcept {
+    entry.index = next_index_++;
+    entries_.push(entry);
+  }
+  [[nodiscard]] bool is_state_due(TimePoint now) const noexcept { return now >= state_due_at_; }
+  void keep(const JournalState& state) noexcept {
+    state_due_at_ = state.at + kStateEvery;
+    states_.push(state);
+  }
+  [[nodiscard]] std::uint64_t next_index() const noexcept { return next_index_; }
+  void transferred(TimePoint at, bool is_sent, std::span<const std::byte> bytes) noexcept override {
+    WireTransfer transfer{
+        .at = at, .is_sent = is_sent, .size = static_cast<std::uint32_t>(bytes.size())};
+    std::copy_n(bytes.begin(), std::min(bytes.size(), transfer.bytes.size()),
+                transfer.bytes.begin());
+    transfers_.push(transfer);
+  }
+
+  // --- the other thread ---
+  [[nodiscard]] bool take(JournalEntry& entry) noexcept { return entries_.pop(entry); }
+  [[nodiscard]] bool take(std::optional<JournalState>& state) noexcept {
+    return states_.pop(state);
+  }
+  [[nodiscard]] bool take(WireTransfer& transfer) noexcept { return transfers_.pop(transfer); }
+
+ private:
+  // more than a second of a tick at 1 kHz
+  static constexpr std::size_t kEntries = 8192;
+  static constexpr std::size_t kTransfers = 2048;
+  static constexpr std::size_t kStates = 8;
+
+  SpscRing<JournalEntry> entries_;
+  SpscRing<std::optional<JournalState>> states_;
+  SpscRing<WireTransfer> transfers_;
+  std::uint64_t next_index_ = 0;
+  TimePoint state_due_at_{};
+};
+
+/// A monitor whose calls are in a journal, if there is one.
+class JournaledMonitor {
+ public:
+  JournaledMonitor(const ForceMonitor& monitor, Journal* journal) noexcept
+      : monitor_(monitor), journal_(journal) {}
+
+  void read(TimePoint at, const Vector3& position_m, const ReadingDetails& details) noexcept {
+    monitor_.read(at, position_m, details);
+    note({.kind = JournalKind::kRead, .at = at, .position_m = position_m, .details = details});
+  }
+  void ended(const Vector3& position_m) noexcept {
+    monitor_.ended(position_m);
+    note({.kind = JournalKind::kEnded, .position_m = position_m});
+  }
+  void switched(TimePoint at, const Vector3& position_m, const Vector3& force_on_hand_newton,
+                Duration lease, const ReadingDetails& details) noexcept {
+    monitor_.switched(at, position_m, force_on_hand_newton, lease, details);
+    note({.kind = JournalKind::kSwitched,
+          .at = at,
+          .position_m = position_m,
+          .force_newton = force_on_hand_newton,
+          .lease = lease,
+          .details = details});
+  }
+  void failed(const Vector3& force_on_hand_newton) noexcept {
+    monitor_.failed(force_on_hand_newton);
+    note({.kind = JournalKind::kFailed, .force_newton = force_on_hand_newton});
+  }
+  void released(TimePoint at) noexcept {
+    monitor_.released(at);
+    note({.kind = JournalKind::kReleased, .at = at});
+  }
+  void slept(Duration duration) noexcept {
+    monitor_.slept(duration);
+    note({.kind = JournalKind::kSlept, .lease = duration});
+  }
+  void lost() noexcept {
+    monitor_.lost();
+    note({.kind = JournalKind::kLost});
+  }
+  [[nodiscard]] ForceMonitor::Covered cover(const Vector3& force_on_hand_newton,
+                                            Duration lease) noexcept {
+    ForceMonitor::Covered covered = monitor_.cover(force_on_hand_newton, lease);
+    note({.kind = JournalKind::kCover,
+          .force_newton = force_on_hand_newton,
+          .lease = lease,
+          .is_good = !covered.is_reduced,
+          .covered_newton = covered.force_on_hand_newton,
+          .covered_lease = covered.lease});
+    return covered;
+  }
+  [[nodiscard]] double joule() const noexcept { return monitor_.joule(); }
+  [[nodiscard]] double coverable_joule() const noexcept { return monitor_.coverable_joule(); }
+  [[nodiscard]] const ForceMonitor& monitor() const noexcept { return monitor_; }
+
+ private:
+  void note(JournalEntry entry) noexcept {
+    if (journal_ == nullptr) return;
+    entry.monitor_joule = monitor_.joule();
+    journal_->keep(entry);
+  }
+
+  ForceMonitor monitor_;
+  Journal* journal_;
+};
+
+}  // namespace palpate::device

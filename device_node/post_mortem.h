@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// post_mortem.h — what led to a fault: the last seconds of a journal, in the flight recorder's file
+// and out of it again, and computed once more. Not for the tick.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <istream>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "device_node/journal.h"
+
+namespace palpate::device {
+
+/// The journal's last seconds: from a state that is at least kWindow old on, bounded.
+class PostMortem {
+ public:
+  static constexpr Duration kWindow = std::chrono::seconds(2);
+
+  /// Empties the journal's rings. Call it more often than every 0.2 s.
+  void take(Journal& journal);
+
+  /// Lines that begin with '#', so that the file stays a table with comments.
+  /// @param device  its name and what else a reader should know: one line
+  void write(std::ostream& out, const std::string& device) const;
+
+ private:
+  static constexpr std::size_t kMostEntries = 65536;
+  static constexpr std::size_t kMostTransfers = 32768;
+
+  std::deque<JournalEntry> entries_;
+  std::deque<JournalState> states_;
+  std::deque<WireTransfer> transfers_;
+};
+
+/// What such a file says.
+struct FaultFile {
+  struct Transfer {
+    TimePoint at{};
+    bool is_sent = false;
+    std::uint32_t size = 0;
+    std::string bytes;  ///< hexadecimal; of long messages the beginning
+  };
+
+  std::string written_by;  ///< version
+  std::string device;
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> ticks;  ///< of so many words each
+  std::optional<JournalState> state;            ///< none: no window
+  std::vector<JournalEntry> entries;            ///< after it
+  std::vector<Transfer> transfers;
+};
+/// Whether the first line of a file is that of a flight recording of device_node.
+[[nodiscard]] bool is_fault_file(const std::string& file);
+/// @throws SetupError  says which line of `file` breaks which rule
+[[nodiscard]] FaultFile read_fault_file(const std::string& file);
+
+/// Monitor, frozen watch and jump detection, from the state on.
+struct Recomputed {
+  std::size_t entries = 0;
+  std::size_t different = 0;   ///< decided otherwise, or M differs in any bit
+  bool has_gap = false;        ///< entries were lost: what follows a gap is not compared
+  std::size_t reductions = 0;  ///< of the monitor
+  FaultReason fault = FaultReason::kNone;  ///< the last one in the file
+  /// It follows from the readings; false: the device, its wire or the machine reported it.
+  bool is_computed = false;
+  bool is_reproduced = false;
+  [[nodiscard]] bool is_same() const { return different == 0 && is_reproduced == is_computed; }
+};
+[[nodiscard]] Recomputed recompute_fault(const FaultFile& file);
+
+/// For people: the fault, the last ticks, the last transfers, and whether it is reproduced.
+[[nodiscard]] std::string fault_text(const FaultFile& file, const Recomputed& recomputed);
+
+}  // namespace palpate::device

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// What led to a fault is in one file, and the fault is computed again from it.
+#include "device_node/post_mortem.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/telemetry/flight_recorder.h"
+#include "tests/support/alloc_guard.h"
+#include "tests/support/device_node_bench.h"
+#include "tests/support/scripted_device.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/wired/hostile_commands.h"
+#include "tests/support/wired/wired_on_bench.h"
+
+namespace palpate::test {
+namespace {
+
+using namespace std::chrono_literals;
+using device::FaultFile;
+using device::Journal;
+using device::PostMortem;
+using device::WireFault;
+using testing::HasSubstr;
+
+DeviceConfig monitored_config() {
+  DeviceConfig config = device_config();
+  config.longest_lease = 10ms;
+  config.profile.position_resolution_m = 1e-4;
+  config.monitor = {.is_on = true, .v_max_m_per_s = 0.5};
+  config.accepts_no_motor_watchdog = true;
+  return config;
+}
+
+/// As the flight recorder writes it.
+std::string file_of(const TempFolder& folder, const PostMortem& post_mortem,
+                    const std::vector<DeviceTick>& ticks = {}) {
+  const std::string path = (folder.path() / "flight-device-test.csv").string();
+  std::ofstream out(path);
+  write_flight_header(out, DeviceTick{});
+  for (const DeviceTick& tick : ticks) write_flight_row(out, tick);
+  post_mortem.write(out, "a device, phase faulted");
+  return path;
+}
+
+/// A hand that moves, commands that nobody has clamped: the monitor has to reduce many.
+struct Wired {
+  explicit Wired(WiredDriver driver, std::vector<device::PlannedFault> faults) {
+    WiredSpec spec{.side = {}, .driver = driver, .faults = std::move(faults)};
+    spec.side.device = monitored_config();
+    spec.side.hand = {.mass_kg = 0.1,
+                      .stiffness_newton_per_m = 2000.0,
+                      .damping_newton_s_per_m = 40.0,
+                      .path = HostilePath{.radius_m = 0.012, .v_max_m_per_s = 0.25}};
+    bench.emplace(spec.side.device, spec, &journal);
+    bench->node.acknowledge();
+    bench->on_state = [this](const DeviceState& state) {
+      bench->send_answer(state.header.session_id, state.header.sequence,
+                         commands.next(state.hand_position_m));
+    };
+  }
+  void run(int ticks) {
+    for (int i = 0; i < ticks && !bench->node.has_fault(); ++i) {
+      bench->tick();
+      if (i % 20 == 19) post_mortem.take(journal);
+    }
+    post_mortem.take(journal);
+  }
+
+  Journal journal;
+  PostMortem post_mortem;
+  HostileCommands commands{2, 3.3};
+  std::optional<DeviceNodeBench<WiredOnBench>> bench;
+};
+
+TEST(PostMortem, AWireThatFailsIsInTheFileWithItsBytesAndTheMonitorDecidesTheSameAgain) {
+  for (const WiredDriver driver :
+       {WiredDriver::kHaply, WiredDriver::kHapi, WiredDriver::kFalcon, WiredDriver::kWooden}) {
+    SCOPED_TRACE(static_cast<int>(driver));
+    Wired wired(driver, {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
+    wired.run(3'500);
+    ASSERT_TRUE(wired.bench->node.has_fault());
+
+    const TempFolder folder;
+    const FaultFile file =
+        device::read_fault_file(file_of(folder, wired.post_mortem, wired.bench->ticks));
+    const device::Recomputed recomputed = device::recompute_fault(file);
+
+    EXPECT_EQ(recomputed.fault, wired.bench->node.counters().last_fault);
+    EXPECT_EQ(recomputed.different, 0U);
+    EXPECT_FALSE(recomputed.has_gap);
+    EXPECT_GT(recomputed.entries, 8'000U) << "two seconds of readings, switches and decisions";
+    EXPECT_GT(recomputed.reductions, 0U) << "there was something to decide";
+    EXPECT_FALSE(recomputed.is_computed) << "the wire failed, not a check of the readings";
+    EXPECT_TRUE(recomputed.is_same());
+    // both directions, from before the window's end to the fault
+    EXPECT_GT(file.transfers.size(), 7'000U);
+    const auto is_sent = [](const FaultFile::Transfer& transfer) { return transfer.is_sent; };
+    EXPECT_TRUE(std::any_of(file.transfers.begin(), file.transfers.end(), is_sent));
+    EXPECT_FALSE(std::all_of(file.transfers.begin(), file.transfers.end(), is_sent));
+    EXPECT_THAT(device::fault_text(file, recomputed), HasSubstr("last transfers"));
+  }
+}
+
+TEST(PostMortem, AJumpOfTheEncoderFollowsFromTheReadings) {
+  Journal journal;
+  PostMortem post_mortem;
+  DeviceNodeBench<ScriptedDevice> bench(monitored_config(), true, &journal);
+  bench.answer_with({1.0, 0.0, 0.0}, 2ms);
+  for (int i = 0; i < 2'700; ++i) {
+    bench.device.position_m = Vector3(1e-4 * (i % 100), 0.0, 0.0);
+    if (i % 100 > 50) bench.device.position_m = Vector3(1e-4 * (100 - i % 100), 0.0, 0.0);
+    bench.tick();
+    post_mortem.take(journal);
+  }
+  ASSERT_FALSE(bench.node.has_fault());
+  bench.device.position_m = Vector3(0.2, 0.0, 0.0);
+  bench.tick();
+  post_mortem.take(journal);
+  ASSERT_EQ(bench.node.counters().last_fault, FaultReason::kPositionJumped);
+
+  const TempFolder folder;
+  FaultFile file = device::read_fault_file(file_of(folder, post_mortem, bench.ticks));
+  const device::Recomputed recomputed = device::recompute_fault(file);
+
+  EXPECT_TRUE(recomputed.is_computed);
+  EXPECT_TRUE(recomputed.is_reproduced);
+  EXPECT_EQ(recomputed.different, 0U);
+  EXPECT_THAT(device::fault_text(file, recomputed), HasSubstr("reproduced"));
+  EXPECT_EQ(file.ticks.size(), bench.ticks.size());
+
+  // the twin: a reading that was none of a jump does not reproduce the fault
+  const auto last = std::find_if(
+      file.entries.rbegin(), file.entries.rend(),
+      [](const device::JournalEntry& entry) { return entry.kind == device::JournalKind::kJudge; });
+  last->position_m.setZero();
+  const device::Recomputed changed = device::recompute_fault(file);
+  EXPECT_FALSE(changed.is_reproduced);
+  EXPECT_GT(changed.different, 0U);
+}
+
+TEST(PostMortem, AnotherStateOrALostEntryIsNoticed) {
+  Wired wired(WiredDriver::kHapi,
+              {{.kind = WireFault::kUnplugged, .from_s = 3.0, .length_s = 1.0}});
+  wired.run(3'500);
+  const TempFolder folder;
+  const FaultFile file = device::read_fault_file(file_of(folder, wired.post_mortem));
+
+  FaultFile anew = file;
+  anew.state->monitor = device::ForceMonitor(monitored_config());
+  EXPECT_GT(device::recompute_fault(anew).different, 100U);
+
+  FaultFile gap = file;
+  gap.entries.erase(gap.entries.begin() + 100);
+  EXPECT_TRUE(device::recompute_fault(gap).has_gap);
+}
+
+TEST(PostMortem, ItsWindowIsTwoSecondsAndItsMemoryBounded) {
+  Wired wired(WiredDriver::kFalcon, {});
+  wired.run(9'000);
+  const TempFolder folder;
+  const FaultFile file = device::read_fault_file(file_of(folder, wired.post_mortem));
+
+  ASSERT_TRUE(file.state.has_value());
+  const Duration window = file.entries.back().at - file.state->at;
+  EXPECT_GE(window, PostMortem::kWindow);
+  EXPECT_LE(window, PostMortem::kWindow + Journal::kStateEvery + 2ms);
+  EXPECT_EQ(device::recompute_fault(file).different, 0U);
+}
+
+TEST(PostMortem, TheTickDoesNotAllocateForIt) {
+  Journal journal;
+  DeviceNodeBench<ScriptedDevice> bench(monitored_config(), true, &journal);
+  bench.answer_with({1.0, 0.0, 0.0});
+  EXPECT_EQ(bench.allocations_of_ticks(), 0U);
+  std::optional<device::JournalState> state;
+  EXPECT_TRUE(journal.take(state));
+}
+
+TEST(PostMortem, ADamagedFileIsRefusedWithItsLine) {
+  Wired wired(WiredDriver::kHapi, {});
+  wired.run(600);
+  const TempFolder folder;
+  const std::string path = file_of(folder, wired.post_mortem);
+  std::ifstream in(path);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  const auto refusal = [&](std::size_t line, const std::string& text) {
+    const std::string damaged = (folder.path() / "damaged.csv").string();
+    std::ofstream out(damaged);
+    for (std::size_t i = 0; i < lines.size(); ++i) out << (i == line ? text : lines[i]) << '\n';
+    out.close();
+    try {
+      static_cast<void>(device::read_fault_file(damaged));
+    } catch (const SetupError& error) {
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+
+  ASSERT_THAT(lines[3], HasSubstr("#state"));
+  EXPECT_THAT(refusal(3, lines[3].substr(0, lines[3].size() / 2)), HasSubstr("damaged.csv:4: "));
+  EXPECT_THAT(refusal(3, "#state 1 2 three"), HasSubstr("the state is not complete"));
+  EXPECT_THAT(refusal(4, "#entry 0 200"), HasSubstr("damaged.csv:5: the entry is not complete"));
+  EXPECT_THAT(refusal(4, "#wire 5 ? 3 00"), HasSubstr("> or <"));
+  EXPECT_THAT(refusal(4, "#wire 5 > 3 0g"), HasSubstr("not hexadecimal"));
+  EXPECT_THAT(refusal(4, "1,2,3"), HasSubstr("3 values"));
+  EXPECT_THAT(refusal(4, "#other"), HasSubstr("none of version"));
+  EXPECT_THAT(refusal(0, "a,b"), HasSubstr("not the columns"));
+  // a path of the account beyond its axes would be read out of bounds
+  std::istringstream words(lines[3].substr(std::string("#state ").size()));
+  std::vector<std::string> all;
+  for (std::string word; words >> word;) all.push_back(word);
+  all[5] = "7";
+  std::string far = "#state";
+  for (const std::string& word : all) far += ' ' + word;
+  EXPECT_THAT(refusal(3, far), HasSubstr("the state is not complete"));
+}
+
+}  // namespace
+}  // namespace palpate::test
