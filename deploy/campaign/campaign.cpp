@@ -2,10 +2,12 @@
 #include "deploy/campaign/campaign.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "common/core/check.h"
 #include "common/core/random.h"
 #include "common/session/session_file.h"
 #include "deploy/campaign/hostile_design.h"
@@ -29,7 +31,21 @@ std::string drawn(const Dimension& dimension, std::uint64_t seed) {
   }
 }
 
+std::int64_t ns_of(const timespec& time) {
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
 }  // namespace
+
+FileMark mark_of(const std::string& file) {
+  struct stat state {};
+  if (::stat(file.c_str(), &state) != 0) return {};
+  return {.device = state.st_dev,
+          .inode = state.st_ino,
+          .bytes = state.st_size,
+          .modified_ns = ns_of(state.st_mtim),
+          .changed_ns = ns_of(state.st_ctim)};
+}
 
 std::string Bounds::text(const std::vector<const Quantity*>& quantities) const {
   std::string text = quantities[quantity]->name;
@@ -111,6 +127,12 @@ std::vector<double> compute(const Campaign& campaign, const Plan& plan,
                              .record = {.file = mcap_file, .may_overwrite = may_overwrite},
                              .recorded_by = "palpate sweep",
                              .lockstep = {.has_ideal = campaign.needs_ideal()}});
+  for (const auto& [file, mark] : campaign.marks) {
+    if (mark_of(file) == mark) continue;
+    throw SetupError(file +
+                     ": has changed since the sweep began; with its old content the same command "
+                     "goes on, for the new one give another --folder");
+  }
   std::vector<double> figures;
   figures.reserve(campaign.quantities.size());
   for (const Quantity* quantity : campaign.quantities) {

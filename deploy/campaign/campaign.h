@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -54,6 +55,19 @@ struct Limit {
   }
 };
 
+/// What tells, without reading it, whether a file is still the one that it was.
+struct FileMark {
+  std::uint64_t device = 0;
+  std::uint64_t inode = 0;
+  std::int64_t bytes = 0;
+  std::int64_t modified_ns = 0;
+  std::int64_t changed_ns = 0;  ///< cannot be set back by a program
+
+  bool operator==(const FileMark&) const = default;
+};
+/// Zeros if the file is not there.
+[[nodiscard]] FileMark mark_of(const std::string& file);
+
 struct Campaign {
   std::string name;
   std::filesystem::path file;
@@ -73,6 +87,8 @@ struct Campaign {
   /// Of everything that determines the figures of a run: the campaign but for the number of its
   /// runs, the session, the files that any of its runs names, and this program.
   std::uint64_t fingerprint = 0;
+  /// The files that runs read, as they were before the fingerprint was taken.
+  std::map<std::string, FileMark> marks;
 
   [[nodiscard]] std::uint64_t cells() const;
   [[nodiscard]] std::uint64_t run_count() const { return cells() * runs_per_cell; }
@@ -99,7 +115,7 @@ struct Plan {
 [[nodiscard]] std::string command_line(const Campaign& campaign, const Plan& plan);
 
 /// The figures of a run, in the order of Campaign::quantities. Throws SetupError if the session of
-/// the run is refused.
+/// the run is refused, or if a file that it may have read is no longer that of the fingerprint.
 /// @param mcap_file  records the run; empty: not
 [[nodiscard]] std::vector<double> compute(const Campaign& campaign, const Plan& plan,
                                           const std::string& mcap_file = {},

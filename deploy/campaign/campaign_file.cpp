@@ -309,6 +309,7 @@ Campaign load_campaign(const fs::path& file, std::optional<std::uint64_t> runs) 
       }
     }
   }
+  for (const std::string& name : files) campaign.marks[name] = mark_of(name);
   campaign.fingerprint = fingerprint_of(written, files);
   campaign.files.assign(files.begin(), files.end());
   campaign.files.push_back(file.string());

@@ -27,6 +27,18 @@ std::string content_of(const Campaign& campaign) {
   return fmt::format("campaign {}\nfingerprint {:016x}\n", campaign.name, campaign.fingerprint);
 }
 
+/// A link would have the sweep write a file elsewhere, a pipe would have it wait for ever.
+void refuse_strange(const fs::path& folder) {
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const fs::file_type type = entry.symlink_status().type();
+    if (type == fs::file_type::regular || type == fs::file_type::directory) continue;
+    throw SetupError(entry.path().string() + ": is " +
+                     (type == fs::file_type::symlink ? "a link" : "a pipe, socket or device") +
+                     "; a folder of results holds files only: remove it, or give another folder "
+                     "with --folder");
+  }
+}
+
 }  // namespace
 
 fs::path default_folder(const Campaign& campaign) { return campaign.name + ".sweep"; }
@@ -34,8 +46,9 @@ fs::path default_folder(const Campaign& campaign) { return campaign.name + ".swe
 Folder::Folder(fs::path path, const Campaign& campaign, bool is_shared) : path_(std::move(path)) {
   std::error_code error;
   fs::create_directories(path_, error);
+  if (!error) refuse_strange(path_);
   const fs::path lock = path_ / "lock";
-  lock_ = error ? -1 : ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  lock_ = error ? -1 : ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
   if (lock_ < 0) {
     throw SetupError(path_.string() + ": " +
                      (error ? error.message() : std::generic_category().message(errno)) +

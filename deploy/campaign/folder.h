@@ -12,7 +12,8 @@ namespace palpate::campaign {
 class Folder {
  public:
   /// @param is_shared  other processes may use it too (one share of the campaign)
-  /// Throws SetupError if it belongs to another campaign, or if a sweep is using it.
+  /// Throws SetupError if it belongs to another campaign, if a sweep is using it, or if it holds
+  /// links, pipes, sockets or devices.
   Folder(std::filesystem::path path, const Campaign& campaign, bool is_shared);
   ~Folder();
   Folder(const Folder&) = delete;

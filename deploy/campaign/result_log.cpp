@@ -43,7 +43,8 @@ std::uint64_t number_in_log(const Campaign& campaign, std::uint64_t run) {
 ResultLog::ResultLog(std::filesystem::path file, const Campaign& campaign)
     : file_(std::move(file)),
       campaign_(campaign),
-      descriptor_(::open(file_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)),
+      descriptor_(
+          ::open(file_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0644)),
       flushed_at_(clock_.now()) {
   if (descriptor_ < 0) fail(file_);
   if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
@@ -91,7 +92,9 @@ Results::Results(const Campaign& campaign)
 
 void Results::refresh(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().extension() != ".log") continue;
+    if (entry.path().extension() != ".log" || entry.is_symlink() || !entry.is_regular_file()) {
+      continue;
+    }
     std::uint64_t& begin = read_[entry.path()];
     std::ifstream in(entry.path(), std::ios::binary);
     in.seekg(static_cast<std::streamoff>(begin));

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <type_traits>
 #include <variant>
 
@@ -26,6 +27,7 @@ constexpr double kLikeliestFriction_ratio = 1.5;  // profile over simulated devi
 constexpr double kFrictionSpeed_m_per_s = 0.05;
 constexpr double kPathStep_s = 2e-3;
 constexpr double kLongestPath_s = 60.0;
+constexpr double kNever_s = std::numeric_limits<double>::infinity();
 
 /// The scene with springs in place of elastic bodies: what touches them is the same.
 SceneConfig rigid(SceneConfig scene) {
@@ -37,22 +39,23 @@ SceneConfig rigid(SceneConfig scene) {
   return scene;
 }
 
-/// True also for paths that depend on the force or on a person.
-bool may_touch(const physics::Scene& scene, const Side& side, double length_s) {
+/// When the path first touches tissue; infinity: never; NaN: unknown, as the path depends on the
+/// force or on a person, or is too long to be followed.
+double first_touch_s(const physics::Scene& scene, const Side& side, double length_s) {
   return std::visit(
       [&](const auto& path) {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
-          return true;
+          return kNaN;
         } else {
-          if (side.hand.pointer) return true;
+          if (side.hand.pointer) return kNaN;
           const WorkspaceMap map(side.device.workspace);
           const physics::TissueMemory memory = scene.new_memory();
           for (double t_s = 0.0; t_s < std::min(length_s, kLongestPath_s); t_s += kPathStep_s) {
             const Vector3 tool_m =
                 map.tool_position_world_m(device::target_on(path, t_s).position_m);
-            if (scene.evaluate(tool_m, Vector3::Zero(), t_s, memory).contact_count > 0) return true;
+            if (scene.evaluate(tool_m, Vector3::Zero(), t_s, memory).contact_count > 0) return t_s;
           }
-          return length_s > kLongestPath_s;
+          return length_s > kLongestPath_s ? kNaN : kNever_s;
         }
       },
       side.hand.path);
@@ -100,12 +103,17 @@ void examine_side(const Session& session, const Side& side, const physics::Scene
                     "mofc.guard_settings.v_max_m_per_s",
                     how, v_max));
   }
-  if (!session.scene.tissues.empty() && session.physics_command.empty() &&
-      !may_touch(scene, side, session.duration_s)) {
+  if (session.scene.tissues.empty() || !session.physics_command.empty()) return;
+  const double touch_s = first_touch_s(scene, side, session.duration_s);
+  if (touch_s == kNever_s) {
     warn(
         fmt::format("hand: its path touches no tissue within {:g} s; check the path, the places "
                     "of the tissues, and device.workspace",
                     session.duration_s));
+  } else if (touch_s == 0.0) {
+    warn(
+        "hand: its path begins inside tissue: nobody has pressed yet, so the clamp holds back much "
+        "of the force; begin above it");
   }
 }
 

@@ -805,7 +805,7 @@ page_test("the licences of bundled code can be read", { page: { wait: false } },
   for (const text of [/three\.js authors/, /Leon Sorokin/, /Buf Technologies/, /Google Inc/]) assert.match(await licences.textContent(), text);
 });
 
-page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", { world: { vertices: 20000 }, page: { ...kSmall, max_hz: 60 } }, async (page) => {
+page_test("20 000 deforming vertices at 30 Hz are taken as fast as they are drawn", { world: { vertices: 20000 }, page: { ...kSmall, max_hz: 60 } }, async (page) => {
   await until(page, (t) => t.mesh_frames > 5, "mesh frames");
   await at_most("20 000 vertices are taken, s", 0.010, async () => { // a third of the period
     const begin = await status(page);
@@ -818,11 +818,14 @@ page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", {
     const sent_since = server.world.mesh_frames - sent;
     const end = await status(page);
     const taken = end.mesh_frames - begin.mesh_frames;
+    const drawn = end.frames - begin.frames;
     costs_s.sort((a, b) => a - b);
     const median_s = costs_s[costs_s.length >> 1];
-    console.log(`20 000 vertices: ${taken} of ${sent_since} frames in ${(end.now_s - begin.now_s).toFixed(1)} s, ` +
+    console.log(`20 000 vertices: ${taken} of ${sent_since} frames and ${drawn} pictures in ${(end.now_s - begin.now_s).toFixed(1)} s, ` +
       `${(1e3 * median_s).toFixed(2)} ms each (median; take, normals, colours), picture ${(1e3 * end.frame_cost_s).toFixed(1)} ms`);
     assert.ok(end.scene.tissues[0].vertices >= 20000);
-    return taken >= 0.9 * sent_since - 2 ? median_s : Infinity;
+    // a machine that draws fewer pictures a second than frames come reads fewer
+    assert.ok(taken >= 0.9 * Math.min(sent_since, drawn) - 2, `${taken} frames taken, ${sent_since} sent, ${drawn} pictures`);
+    return median_s;
   });
 });

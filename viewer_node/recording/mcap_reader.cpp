@@ -20,6 +20,7 @@ using mcap::Opcode;
 namespace {
 
 constexpr std::uint64_t kMaxRecordBytes = std::uint64_t{64} << 20;
+constexpr std::uint64_t kMaxRowBytes = std::uint64_t{1} << 20;
 
 }  // namespace
 
@@ -127,6 +128,8 @@ bool McapReader::search() {
       const auto end_ns = fields.number<std::uint64_t>();
       chunks_.push_back({begin_ns, end_ns, offset, next - offset});
       if (!has_definitions) take_definitions(chunks_.back());
+    } else if (opcode == Opcode::kMessage) {
+      if (!take_bare_message(offset, next - offset)) return false;
     } else if (opcode == Opcode::kMetadata) {
       if (!take_metadata(offset, next - offset)) return false;
     } else if (opcode == Opcode::kSchema || opcode == Opcode::kChannel) {
@@ -135,6 +138,25 @@ bool McapReader::search() {
     offset = next;
   }
   return false;
+}
+
+/// Messages that follow one another are read at once.
+bool McapReader::take_bare_message(std::uint64_t offset, std::uint64_t length) {
+  std::string bytes;
+  if (!read(offset + kRecordHead, 2 + 4 + 8, bytes)) return false;
+  Fields fields(bytes);
+  fields.number<std::uint16_t>();  // channel
+  fields.number<std::uint32_t>();  // sequence
+  const auto time_ns = fields.number<std::uint64_t>();
+  const bool is_next = !chunks_.empty() && chunks_.back().is_row &&
+                       chunks_.back().offset + chunks_.back().length == offset &&
+                       chunks_.back().length + length <= kMaxRowBytes;
+  if (!is_next) chunks_.push_back({time_ns, time_ns, offset, 0, true});
+  Chunk& row = chunks_.back();
+  row.begin_ns = std::min(row.begin_ns, time_ns);
+  row.end_ns = std::max(row.end_ns, time_ns);
+  row.length += length;
+  return true;
 }
 
 /// Other writers put schemas and channels into the chunk that first needs them.
@@ -215,6 +237,11 @@ bool McapReader::take_metadata(std::uint64_t offset, std::uint64_t length) {
   return true;
 }
 
+std::size_t McapReader::chunk_count() const {
+  return static_cast<std::size_t>(std::count_if(chunks_.begin(), chunks_.end(),
+                                                [](const Chunk& chunk) { return !chunk.is_row; }));
+}
+
 std::uint64_t McapReader::begin_ns() const {
   std::uint64_t begin_ns = chunks_.empty() ? 0 : chunks_.front().begin_ns;
   for (const Chunk& chunk : chunks_) begin_ns = std::min(begin_ns, chunk.begin_ns);
@@ -246,6 +273,11 @@ void McapReader::seek(std::uint64_t log_time_ns, std::uint64_t to_ns) {
 bool McapReader::load(const Chunk& chunk) {
   std::string record;
   if (chunk.length < kRecordHead || !read(chunk.offset, chunk.length, record)) return false;
+  if (chunk.is_row) {
+    chunk_ = std::move(record);
+    rest_ = chunk_;
+    return true;
+  }
   Fields fields(record);
   const auto opcode = static_cast<Opcode>(fields.number<std::uint8_t>());
   fields.take(8 + 8 + 8);  // length, times

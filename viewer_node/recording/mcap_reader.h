@@ -17,7 +17,7 @@ namespace palpate::viewer {
 /// Checks everything it reads. Refuses compressed chunks, chunks over 64 MiB, and an index that
 /// covers more bytes than the file has. Without a complete summary, or if it is over 64 MiB or
 /// lists no chunks or no topics, it scans the file from the beginning; truncated or damaged chunks
-/// are skipped and counted. Messages outside chunks are not read.
+/// are skipped and counted. Messages outside chunks are read where it scans.
 class McapReader {
  public:
   struct Message {
@@ -43,7 +43,7 @@ class McapReader {
   /// Chunks that could not be read so far: all of them once next() has come to the end.
   [[nodiscard]] std::uint64_t damaged_chunks() const { return damaged_chunks_; }
   [[nodiscard]] const std::vector<Topic>& topics() const { return topics_; }
-  [[nodiscard]] std::size_t chunk_count() const { return chunks_.size(); }
+  [[nodiscard]] std::size_t chunk_count() const;
   /// Log times of the first and last message; 0 without messages.
   [[nodiscard]] std::uint64_t begin_ns() const;
   [[nodiscard]] std::uint64_t end_ns() const;
@@ -56,12 +56,13 @@ class McapReader {
   void seek(std::uint64_t log_time_ns, std::uint64_t to_ns = ~std::uint64_t{0});
 
  private:
-  struct Chunk {
+  struct Chunk {  // or a row of messages outside chunks
     std::uint64_t begin_ns = 0;
     std::uint64_t end_ns = 0;
     std::uint64_t offset = 0;  // of the record
     std::uint64_t length = 0;  // with its head
-    bool is_damaged = false;   // found while reading
+    bool is_row = false;
+    bool is_damaged = false;  // found while reading
   };
 
   [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t length, std::string& bytes) const;
@@ -69,6 +70,7 @@ class McapReader {
   [[nodiscard]] Summary read_summary();
   [[nodiscard]] bool take_all(std::string_view summary);
   [[nodiscard]] bool search();
+  [[nodiscard]] bool take_bare_message(std::uint64_t offset, std::uint64_t length);
   void take_definitions(const Chunk& chunk);
   [[nodiscard]] bool take(mcap::Opcode opcode, std::string_view content);
   [[nodiscard]] bool count_indexed(std::uint64_t length);

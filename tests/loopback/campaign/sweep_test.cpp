@@ -3,6 +3,7 @@
 // the same whoever computes it, and a violation comes with the line that repeats it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <chrono>
@@ -302,6 +303,44 @@ TEST_F(SweepOfFiles, AFolderIsRefusedOnceAFileOfAnyCellHasChanged) {
   EXPECT_THAT(changed.err, HasSubstr("file of its session"));
   write_hand("second.csv", "0.004");
   EXPECT_EQ(sweep("results").status, 0);
+}
+
+TEST_F(SweepOfFiles, AFileThatChangesWhileItRunsEndsItAndNoResultOfTheNewOneIsKept) {
+  {
+    Program running("palpate", {"sweep", path("files.txtpb"), "--folder", path("results"), "--runs",
+                                "200000", "--workers", "2"});
+    ASSERT_TRUE(test::await([&] { return logged_lines(path("results")) >= 5; }));
+    write_hand("second.csv", "0.006");
+    write_hand("first.csv", "0.006");
+    EXPECT_EQ(running.wait(), 2) << running.err();
+    EXPECT_THAT(running.err(), HasSubstr("has changed since the sweep began"));
+  }
+  write_hand("second.csv", "0.004");
+  write_hand("first.csv", "0.005");
+  ASSERT_EQ(sweep("results").status, 0);
+  ASSERT_EQ(sweep("undisturbed").status, 0);
+  EXPECT_EQ(text_of(path("results.csv")), text_of(path("undisturbed.csv")));
+}
+
+TEST_F(SweepOfFiles, AFolderWithLinksOrPipesIsRefusedAndTheirTargetsAreLeftAlone) {
+  const std::string other = files_.write("other.txt", "of another program");
+  const struct {
+    const char* name;
+    bool is_link;
+  } strange[] = {{"worker-0.log", true}, {"lock", true}, {"campaign.txt", false}, {"a.log", false}};
+  for (const auto& [name, is_link] : strange) {
+    const std::filesystem::path folder = path(std::string("with_") + name);
+    std::filesystem::create_directory(folder);
+    if (is_link) {
+      std::filesystem::create_symlink(other, folder / name);
+    } else {
+      ASSERT_EQ(::mkfifo((folder / name).c_str(), 0600), 0);
+    }
+    const Outcome outcome = sweep(folder.filename());
+    EXPECT_EQ(outcome.status, 2) << name;
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr(name), HasSubstr("holds files only"))) << name;
+    EXPECT_EQ(text_of(other), "of another program") << name;
+  }
 }
 
 TEST_F(SweepOfFiles, GoesOnWithMoreRunsAndWithFewer) {

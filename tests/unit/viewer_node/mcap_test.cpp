@@ -109,8 +109,13 @@ std::string footer_of(std::uint64_t summary_start) {
   mcap::Bytes(content).number(summary_start).number(std::uint64_t{0}).number(std::uint32_t{0});
   return record_of(mcap::Opcode::kFooter, content) + std::string(mcap::kMagic);
 }
-/// A valid file whose schema and channel are in its only chunk, with one message.
-std::string with_definitions_in_the_chunk() {
+std::string message_of(std::uint64_t time_ns, const std::string& payload) {
+  std::string message;
+  mcap::Bytes(message).number(std::uint16_t{5}).number(std::uint32_t{0}).number(time_ns);
+  mcap::Bytes(message).number(time_ns);
+  return record_of(mcap::Opcode::kMessage, message + payload);
+}
+std::string definitions() {
   std::string schema;
   mcap::Bytes(schema).number(std::uint16_t{1}).text("test.C").text("protobuf").text("descriptor");
   std::string channel;
@@ -120,20 +125,21 @@ std::string with_definitions_in_the_chunk() {
       .text("/c")
       .text("protobuf");
   mcap::Bytes(channel).strings({});
-  std::string message;
-  mcap::Bytes(message).number(std::uint16_t{5}).number(std::uint32_t{0}).number(std::uint64_t{7});
-  mcap::Bytes(message).number(std::uint64_t{7});
-  const std::string records = record_of(mcap::Opcode::kSchema, schema) +
-                              record_of(mcap::Opcode::kChannel, channel) +
-                              record_of(mcap::Opcode::kMessage, message + "payload");
+  return record_of(mcap::Opcode::kSchema, schema) + record_of(mcap::Opcode::kChannel, channel);
+}
+std::string begin_of_file() {
+  std::string header;
+  mcap::Bytes(header).text("").text("other");
+  return std::string(mcap::kMagic) + record_of(mcap::Opcode::kHeader, header);
+}
+/// A valid file whose schema and channel are in its only chunk, with one message.
+std::string with_definitions_in_the_chunk() {
+  const std::string records = definitions() + message_of(7, "payload");
   std::string chunk;
   mcap::Bytes(chunk).number(std::uint64_t{7}).number(std::uint64_t{7});
   mcap::Bytes(chunk).number(std::uint64_t{records.size()}).number(std::uint32_t{0}).text("");
   mcap::Bytes(chunk).number(std::uint64_t{records.size()});
-  std::string header;
-  mcap::Bytes(header).text("").text("other");
-  return std::string(mcap::kMagic) + record_of(mcap::Opcode::kHeader, header) +
-         record_of(mcap::Opcode::kChunk, chunk + records) +
+  return begin_of_file() + record_of(mcap::Opcode::kChunk, chunk + records) +
          record_of(mcap::Opcode::kDataEnd, std::string(4, '\0'));
 }
 
@@ -161,6 +167,26 @@ TEST_F(Mcap, ASummaryThatListsNoChunksIsNotTheWholeTruth) {
   EXPECT_TRUE(reader.is_whole());
   EXPECT_EQ(reader.topics().size(), 1u);
   EXPECT_EQ(read_messages(reader), std::vector<std::string>{"payload"});
+}
+
+TEST_F(Mcap, MessagesOutsideChunksAreReadWithAndWithoutAnEnd) {
+  const std::string messages = definitions() + message_of(7, "first") + message_of(9, "second") +
+                               record_of(mcap::Opcode::kMessageIndex, "between") +
+                               message_of(8, "third");
+  const std::string end = record_of(mcap::Opcode::kDataEnd, std::string(4, '\0')) + footer_of(0);
+  const std::vector<std::string> all{"first", "second", "third"};
+  for (const bool is_whole : {true, false}) {
+    put_file(begin_of_file() + messages + (is_whole ? end : message_of(10, "cut").substr(0, 20)));
+
+    McapReader reader(path);
+    EXPECT_EQ(reader.is_whole(), is_whole);
+    EXPECT_EQ(reader.chunk_count(), 0U);
+    EXPECT_EQ(reader.begin_ns(), 7U);
+    EXPECT_EQ(reader.end_ns(), 9U);
+    EXPECT_EQ(read_messages(reader), all);
+    reader.seek(9);
+    EXPECT_EQ(read_messages(reader), std::vector<std::string>{"second"});
+  }
 }
 
 TEST_F(Mcap, ASummaryOverSixtyFourMebibytesIsNotNeeded) {
