@@ -72,6 +72,8 @@ FaultReason DeviceNode::check_motors(const DeviceSample& sample, TimePoint deadl
       return FaultReason::kPositionFrozen;
     case MotorVerdict::kNotSeen:
       return FaultReason::kMotorsNotSeen;
+    case MotorVerdict::kInterrupted:
+      return FaultReason::kCheckInterrupted;
   }
   return FaultReason::kNone;
 }

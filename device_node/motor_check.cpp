@@ -18,10 +18,11 @@ constexpr std::size_t kLeastReadings = 24;
 constexpr int kLeastBlocks = 4;
 constexpr int kMostBlocks = 20;
 constexpr double kHasMotor = 0.7;  // of a unit force: else the axes beside it have it
-constexpr Duration kJitter = std::chrono::milliseconds(4);
-constexpr double kSignificant = 5.0;       // standard errors
-constexpr double kLeastSeen_ratio = 0.02;  // of the resolution
-constexpr double kSame_m = 1e-9;           // positions that are computed from the same counts
+constexpr Duration kLongestGap = std::chrono::milliseconds(4);  // beyond a period
+constexpr int kMostInterruptions = 100;                         // of a check
+constexpr double kSignificant = 5.0;                            // standard errors
+constexpr double kLeastSeen_ratio = 0.02;                       // of the resolution
+constexpr double kSame_m = 1e-9;  // positions that are computed from the same counts
 constexpr double kMiddleLag_rad = 110.0 * std::numbers::pi / 180.0;
 constexpr double kLeastMade = 0.1;     // of what was asked for
 constexpr double kLeastCosine = 0.17;  // 80°
@@ -85,6 +86,7 @@ void MotorCheck::begin() noexcept {
   verdict_ = axis_count_ == 0 ? MotorVerdict::kGood : MotorVerdict::kChecking;
   gain_ = 0.0;
   axis_ = 0;
+  interruptions_ = 0;
   begin_axis();
 }
 
@@ -105,17 +107,25 @@ void MotorCheck::begin_block() noexcept {
 
 Vector3 MotorCheck::next(TimePoint at, const Vector3& position_m) noexcept {
   if (verdict_ != MotorVerdict::kChecking) return Vector3::Zero();
-  if (index_ > 0 && ending_ == 0 && at - last_at_ > kJitter + from_seconds(1.5 / rate_hz_))
+  if (index_ > 0 && ending_ == 0 && at - last_at_ > kLongestGap + from_seconds(1.5 / rate_hz_)) {
     begin_axis();
+    if (++interruptions_ > kMostInterruptions) {
+      verdict_ = MotorVerdict::kInterrupted;
+      return Vector3::Zero();
+    }
+  } else if (index_ > 0) {
+    fill_in(std::lround(to_seconds(at - last_at_) * rate_hz_), position_m);
+    if (verdict_ != MotorVerdict::kChecking) return Vector3::Zero();
+  }
   last_at_ = at;
+  last_m_ = position_m;
   if (index_ == 0) first_m_ = position_m;
   has_moved_ = has_moved_ || (position_m - first_m_).cwiseAbs().maxCoeff() > kSame_m;
 
   // the sign of the push changes twice in each cycle
-  const auto half_waves = static_cast<std::size_t>(2.0 * kCycles);
-  if (index_ == 0 || index_ * half_waves / block_ != (index_ - 1) * half_waves / block_) {
-    half_wave_m_ = position_m;
-  }
+  const std::size_t half_wave = index_ * static_cast<std::size_t>(2.0 * kCycles) / block_;
+  if (index_ == 0 || half_wave != half_wave_) half_wave_m_ = position_m;
+  half_wave_ = half_wave;
   if ((position_m - half_wave_m_).cwiseAbs().maxCoeff() > kFarthest_m) {
     verdict_ = MotorVerdict::kTooStrong;
     return Vector3::Zero();
@@ -129,19 +139,37 @@ Vector3 MotorCheck::next(TimePoint at, const Vector3& position_m) noexcept {
   double share = std::min(1.0, static_cast<double>(index_) / static_cast<double>(ramp));
   if (ending_ > 0) {
     share = static_cast<double>(ending_ - 1) / static_cast<double>(ramp);
-  } else if (index_ >= ramp) {
-    const std::size_t i = (index_ - ramp) % block_;
-    const double along_m = axes_[axis_].dot(position_m);
-    block_low_m_ = i == 0 ? along_m : std::min(block_low_m_, along_m);
-    block_high_m_ = i == 0 ? along_m : std::max(block_high_m_, along_m);
-    block_position_ += wave_[i] * position_m.cast<Complex>();
   }
+  take(position_m);
   requested_newton_ = share * wave;
   return requested_newton_ * axes_[axis_];
 }
 
+void MotorCheck::take(const Vector3& position_m) noexcept {
+  const std::size_t ramp = block_ / 2;
+  if (ending_ > 0 || index_ < ramp) return;
+  const std::size_t i = (index_ - ramp) % block_;
+  const double along_m = axes_[axis_].dot(position_m);
+  block_low_m_ = i == 0 ? along_m : std::min(block_low_m_, along_m);
+  block_high_m_ = i == 0 ? along_m : std::max(block_high_m_, along_m);
+  block_position_ += wave_[i] * position_m.cast<Complex>();
+}
+
+/// Readings of ticks that were skipped: the last push went on, and the handle moved evenly.
+void MotorCheck::fill_in(std::int64_t periods, const Vector3& position_m) noexcept {
+  const Vector3 from_m = last_m_;
+  const std::size_t axis = axis_;
+  for (std::int64_t i = 1; i < periods; ++i) {
+    if (verdict_ != MotorVerdict::kChecking || axis_ != axis) return;
+    const double share = static_cast<double>(i) / static_cast<double>(periods);
+    take(from_m + share * (position_m - from_m));
+    applied(last_applied_newton_);
+  }
+}
+
 void MotorCheck::applied(const Vector3& force_newton) noexcept {
   if (verdict_ != MotorVerdict::kChecking) return;
+  last_applied_newton_ = force_newton;
   const std::size_t ramp = block_ / 2;
   const std::size_t index = index_++;
   if (ending_ > 0) {

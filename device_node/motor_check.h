@@ -31,6 +31,7 @@ enum class MotorVerdict : std::uint8_t {
                    ///< handle went further than kFarthest_m in half a wave
   kFrozen = 4,     ///< the readings repeat exactly
   kNotSeen = 5,    ///< the readings change, but not with the push
+  kInterrupted = 6,  ///< pauses of more than 5 ms again and again
 };
 
 /// A force of f_co + 0.3 N along each axis in turn, at 16 Hz: it moves a free arm of 30 g by
@@ -51,6 +52,8 @@ enum class MotorVerdict : std::uint8_t {
 ///
 /// A push ends with the reading that shows that the handle went more than 5 mm along an axis of D
 /// in half a wave.
+/// In ticks that were skipped the last push went on, and is taken for that; after a pause of more
+/// than 4 ms and a period and a half the axis begins anew, up to 100 times.
 ///
 /// One thread. No allocation after construction, no throw.
 class MotorCheck {
@@ -59,7 +62,7 @@ class MotorCheck {
 
   /// Anew, from the first axis.
   void begin() noexcept;
-  /// @param at  of the reading; after a gap the axis begins anew
+  /// @param at  of the reading
   /// @return    the force from this reading to the next [N], D
   [[nodiscard]] Vector3 next(TimePoint at, const Vector3& position_m) noexcept;
   /// What the motors make of it; follows each next().
@@ -81,6 +84,8 @@ class MotorCheck {
 
   void begin_axis() noexcept;
   void begin_block() noexcept;
+  void take(const Vector3& position_m) noexcept;
+  void fill_in(std::int64_t periods, const Vector3& position_m) noexcept;
   void finish_block() noexcept;
   [[nodiscard]] bool has_decided() noexcept;
   [[nodiscard]] double gain_along(const Complex& along) const noexcept;
@@ -101,8 +106,12 @@ class MotorCheck {
   std::size_t index_ = 0;   // of the next reading, since the axis began
   std::size_t ending_ = 0;  // readings until the push has faded out; 0: it goes on
   TimePoint last_at_{};
+  Vector3 last_m_ = Vector3::Zero();
+  Vector3 last_applied_newton_ = Vector3::Zero();
+  int interruptions_ = 0;
   Vector3 first_m_ = Vector3::Zero();      // of the axis
   bool has_moved_ = false;                 // since then
+  std::size_t half_wave_ = 0;              // of the present reading
   Vector3 half_wave_m_ = Vector3::Zero();  // where the last half wave began
   double range_m_ = 0.0;                   // of the widest block, along the axis
   double force_newton_ = 0.0;              // |F| of the last block

@@ -88,7 +88,10 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   counters_.worst_compute_time = std::max(counters_.worst_compute_time, compute_time);
   const bool is_touching = interaction.contact_count > 0 && interaction.listed_count > 0;
   const Contact& deepest = interaction.contacts.front();
-  if (interaction.contact_count > 0) ++counters_.contact_steps;
+  if (interaction.contact_count > 0) {
+    if (steps_ == 1) counters_.is_started_in_contact = true;
+    ++counters_.contact_steps;
+  }
   ticks_out_.keep({.sequence = next_step_++,
                    .stepped_at = tick.now,
                    .device_sequence = motion.device_sequence,

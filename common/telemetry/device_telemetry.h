@@ -41,19 +41,20 @@ enum class DevicePhase : std::uint8_t {
 /// Why device_node latched a fault.
 enum class FaultReason : std::uint8_t {
   kNone = 0,
-  kReadFailed = 1,        ///< the device returned no reading
-  kReadingNotFinite = 2,  ///< the reading contained NaN or infinity
-  kPositionJumped = 3,    ///< two readings further apart than v_fault allows
-  kWriteFailed = 4,       ///< the device did not accept the force
-  kDeviceSilent = 5,      ///< no answer of the device in time
-  kDeviceGone = 6,        ///< unplugged, or the program that owns it ended
-  kDeviceCorrupt = 7,     ///< the answer broke the rules of the device's wire
-  kDeviceNotReady = 8,    ///< it lost its supply or its calibration
-  kSuspended = 9,         ///< the machine slept: what acted meanwhile is not known
-  kPositionFrozen = 10,   ///< readings repeated exactly while the hand moved, or was pushed
-  kMotorsWrongWay = 11,   ///< the check of the motors: reversed, or along another axis
-  kMotorsTooStrong = 12,  ///< the check of the motors: at least 1.5 times as strong as told
-  kMotorsNotSeen = 13,    ///< the check of the motors: the readings do not follow the push
+  kReadFailed = 1,         ///< the device returned no reading
+  kReadingNotFinite = 2,   ///< the reading contained NaN or infinity
+  kPositionJumped = 3,     ///< two readings further apart than v_fault allows
+  kWriteFailed = 4,        ///< the device did not accept the force
+  kDeviceSilent = 5,       ///< no answer of the device in time
+  kDeviceGone = 6,         ///< unplugged, or the program that owns it ended
+  kDeviceCorrupt = 7,      ///< the answer broke the rules of the device's wire
+  kDeviceNotReady = 8,     ///< it lost its supply or its calibration
+  kSuspended = 9,          ///< the machine slept: what acted meanwhile is not known
+  kPositionFrozen = 10,    ///< readings repeated exactly while the hand moved, or was pushed
+  kMotorsWrongWay = 11,    ///< the check of the motors: reversed, or along another axis
+  kMotorsTooStrong = 12,   ///< the check of the motors: at least 1.5 times as strong as told
+  kMotorsNotSeen = 13,     ///< the check of the motors: the readings do not follow the push
+  kCheckInterrupted = 14,  ///< the check of the motors: it paused again and again
 };
 [[nodiscard]] const char* name(FaultReason reason);
 

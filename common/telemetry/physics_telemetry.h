@@ -31,6 +31,7 @@ struct PhysicsCounters {
   LoopCounters loop;
   LinkCounters tool_motion;
   std::uint64_t contact_steps = 0;
+  bool is_started_in_contact = false;       ///< the tool was in tissue at the first step
   std::uint64_t tissues_skipped = 0;        ///< by the broad phase, summed over steps
   std::uint64_t tissues_visited = 0;        ///< not skipped, summed over steps
   std::uint64_t octree_cells_visited = 0;   ///< of clouds, summed over steps; 0 without clouds

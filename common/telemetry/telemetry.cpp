@@ -71,6 +71,8 @@ const char* name(FaultReason reason) {
       return "motors too strong";
     case FaultReason::kMotorsNotSeen:
       return "motors not seen to push";
+    case FaultReason::kCheckInterrupted:
+      return "check of the motors interrupted";
   }
   return "?";
 }

@@ -112,8 +112,8 @@ void examine_side(const Session& session, const Side& side, const physics::Scene
                     session.duration_s));
   } else if (touch_s == 0.0) {
     warn(
-        "hand: its path begins inside tissue: nobody has pressed yet, so the clamp holds back much "
-        "of the force; begin above it");
+        "hand: its path begins inside tissue: which side it came from is not known, and the whole "
+        "force begins at once; begin outside");
   }
 }
 

@@ -80,6 +80,8 @@ CheckOutcome check_motors(DeviceBench& bench) {
     case MotorVerdict::kNotSeen:
       return not_observable("the positions do not follow a push along " + axis +
                             ": device_node would refuse to enable it");
+    case MotorVerdict::kInterrupted:
+      return not_observable("this machine pauses again and again: stop other programs");
     case MotorVerdict::kChecking:
     case MotorVerdict::kGood:
       break;

@@ -333,6 +333,7 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_bounds_checked = random.bits();
   c.elastic_contact_steps = random.bits();
   c.elastic_unknown_bound_steps = random.bits();
+  c.is_started_in_contact = random.chance(0.5);
   c.elastic_tips_appeared = random.bits();
   c.elastic_solves_repaired = random.bits();
   c.worst_compute_time = random_duration(random);
@@ -763,6 +764,7 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.elastic_bounds_checked == b.elastic_bounds_checked &&
          a.elastic_contact_steps == b.elastic_contact_steps &&
          a.elastic_unknown_bound_steps == b.elastic_unknown_bound_steps &&
+         a.is_started_in_contact == b.is_started_in_contact &&
          a.elastic_tips_appeared == b.elastic_tips_appeared &&
          a.elastic_solves_repaired == b.elastic_solves_repaired &&
          a.worst_compute_time == b.worst_compute_time;

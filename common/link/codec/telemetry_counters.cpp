@@ -74,7 +74,7 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
   verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kChecking));
-  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kMotorsNotSeen));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kCheckInterrupted));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
   verdict.finite(c.checked_friction_ratio());
@@ -160,6 +160,7 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   put(c.loop, *to.mutable_loop());
   put(c.tool_motion, *to.mutable_tool_motion());
   to.set_contact_steps(c.contact_steps);
+  to.set_is_started_in_contact(c.is_started_in_contact);
   to.set_tissues_skipped(c.tissues_skipped);
   to.set_tissues_visited(c.tissues_visited);
   to.set_octree_cells_visited(c.octree_cells_visited);
@@ -202,6 +203,7 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
       .loop = loop(c.loop()),
       .tool_motion = link(c.tool_motion()),
       .contact_steps = c.contact_steps(),
+      .is_started_in_contact = c.is_started_in_contact(),
       .tissues_skipped = c.tissues_skipped(),
       .tissues_visited = c.tissues_visited(),
       .octree_cells_visited = c.octree_cells_visited(),

@@ -108,8 +108,10 @@ void add_side(const SessionText& text, const std::string& name,
   }
   side.driver = to_driver(device, base_dir);
   side.simulated = simulated_as(side.driver, to_simulated_device(device.message("simulated")));
-  side.device =
-      to_device(device, rate_hz, wait_ms, side.simulated.peak_force_newton, base_dir, problems);
+  side.device = to_device(device, rate_hz, wait_ms,
+                          {.peak_force_newton = side.simulated.peak_force_newton,
+                           .position_resolution_m = declared_step_m(side.driver)},
+                          base_dir, problems);
   if (is_real(side.driver)) {
     side.simulated = with_friction_of(side.device.profile, side.simulated);
   }

@@ -66,8 +66,15 @@ class LinkRules {
 [[nodiscard]] AdversaryConfig to_adversary(const Fields& adversary);
 
 [[nodiscard]] SimulatedDeviceConfig to_simulated_device(const Fields& simulated);
+/// What `device` has from its driver.
+struct DriverFigures {
+  double peak_force_newton = 0.0;      ///< of the simulated device or the motors
+  double position_resolution_m = 0.0;  ///< declared by a real device; 0: none
+};
 /// The driver that `device` names.
 [[nodiscard]] DriverConfig to_driver(const Fields& device, const std::filesystem::path& base_dir);
+/// The largest step of the positions that a real device declares; 0 of others.
+[[nodiscard]] double declared_step_m(const DriverConfig& driver);
 /// What stands in for a real device, as far as its driver knows it; the friction is added by
 /// with_friction_of().
 [[nodiscard]] SimulatedDeviceConfig simulated_as(const DriverConfig& driver,
@@ -76,7 +83,7 @@ class LinkRules {
                                                      SimulatedDeviceConfig simulated);
 /// @param wait_for_physics_ms  checked; NaN if it has a problem, as the rate of the device
 [[nodiscard]] DeviceConfig to_device(const Fields& device, double rate_hz,
-                                     double wait_for_physics_ms, double device_peak_force_newton,
+                                     double wait_for_physics_ms, const DriverFigures& driver,
                                      const std::filesystem::path& base_dir, Problems& problems);
 
 [[nodiscard]] HandConfig to_hand(const Fields& hand, const std::filesystem::path& base_dir,

@@ -33,8 +33,10 @@ WorkspaceConfig to_workspace(const Fields& fields) {
   return config;
 }
 
-/// @param file  what profile_file says; replaces the defaults
-DeviceProfile to_profile(const Fields& fields, const std::optional<DeviceProfile>& file) {
+/// @param file    what profile_file says; replaces the defaults
+/// @param step_m  of the positions, as the driver declares it
+DeviceProfile to_profile(const Fields& fields, const std::optional<DeviceProfile>& file,
+                         double step_m) {
   const auto fallback = [&](const char* name, double DeviceProfile::*value) {
     return file ? (*file).*value : fields.default_number(name);
   };
@@ -52,7 +54,8 @@ DeviceProfile to_profile(const Fields& fields, const std::optional<DeviceProfile
   check_isotropic_bound(fields, profile);
   profile.position_resolution_m =
       fields.number("position_resolution_m",
-                    fallback("position_resolution_m", &DeviceProfile::position_resolution_m));
+                    file ? file->position_resolution_m
+                         : std::max(fields.default_number("position_resolution_m"), step_m));
   return profile;
 }
 
@@ -121,7 +124,7 @@ SimulatedDeviceConfig to_simulated_device(const Fields& simulated) {
 }
 
 DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_physics_ms,
-                       double device_peak_force_newton, const std::filesystem::path& base_dir,
+                       const DriverFigures& driver, const std::filesystem::path& base_dir,
                        Problems& problems) {
   DeviceConfig config;
   config.rate_hz = rate_hz;
@@ -132,7 +135,7 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
       profile = load_profile(file, device.place("profile_file"), problems);
     }
   }
-  config.profile = to_profile(device.message("profile"), profile);
+  config.profile = to_profile(device.message("profile"), profile, driver.position_resolution_m);
 
   const double period_us = 1e6 / rate_hz;
   const double period_ms = 1e3 / rate_hz;
@@ -157,10 +160,10 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
   }
   config.fade = to_milliseconds(fade_ms);
   config.start_ramp = device.milliseconds("start_ramp_ms");
-  config.peak_force_newton = device.number("peak_force_newton", device_peak_force_newton);
+  config.peak_force_newton = device.number("peak_force_newton", driver.peak_force_newton);
   config.slew_newton_per_s =
       device.number("slew_newton_per_s",
-                    std::min(config.peak_force_newton, device_peak_force_newton) / kDefaultRiseS);
+                    std::min(config.peak_force_newton, driver.peak_force_newton) / kDefaultRiseS);
   config.v_fault_m_per_s = device.number("v_fault_m_per_s");
   config.monitor.is_on = device.enumerator("monitor") != v1::Device::off;
   config.accepts_no_motor_watchdog = device.enumerator("accept") == v1::Device::NO_MOTOR_WATCHDOG;

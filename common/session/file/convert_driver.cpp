@@ -156,6 +156,18 @@ DriverConfig to_driver(const Fields& device, const std::filesystem::path& base_d
   return {};
 }
 
+double declared_step_m(const DriverConfig& driver) {
+  return std::visit(
+      [](const auto& own) {
+        if constexpr (requires { own.position_resolution_m; }) {
+          return std::isnan(own.position_resolution_m) ? 0.0 : own.position_resolution_m;
+        } else {
+          return 0.0;
+        }
+      },
+      driver);
+}
+
 SimulatedDeviceConfig simulated_as(const DriverConfig& driver,
                                    const SimulatedDeviceConfig& simulated) {
   SimulatedDeviceConfig config = simulated;

@@ -33,6 +33,9 @@ namespace palpate {
     case FaultReason::kMotorsNotSeen:
       return "check the supply of the motors, hold the handle loosely and still, then reset the "
              "fault (SIGUSR2)";
+    case FaultReason::kCheckInterrupted:
+      return "the ticks pause too often: `palpate doctor` checks the machine; then reset the fault "
+             "(SIGUSR2)";
     case FaultReason::kNone:
       break;
   }

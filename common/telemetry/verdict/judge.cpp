@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/telemetry/verdict/causes.h"
 #include "common/telemetry/verdict/fault_remedy.h"
 
 namespace palpate {
@@ -15,24 +16,6 @@ namespace {
 constexpr double kBadSilence_ratio = 0.10;  // of the ticks without physics
 constexpr double kBadTooFast_ratio = 0.01;  // of the ticks with a hand beyond v_max
 constexpr double kLostTelemetry_ratio = 0.01;
-
-double ratio(std::uint64_t part, std::uint64_t whole) {
-  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
-}
-
-std::string percent(double share) {
-  return share < 0.1 ? fmt::format("{:.2g} %", 100.0 * share)
-                     : fmt::format("{:.0f} %", 100.0 * share);
-}
-
-/// "1,000"
-std::string thousands(double value) {
-  std::string digits = fmt::format("{:.0f}", value);
-  for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) {
-    digits.insert(static_cast<std::size_t>(at), ",");
-  }
-  return digits;
-}
 
 Grade grade_above(double value, double fair, double bad) {
   return value >= bad ? Grade::kBad : value >= fair ? Grade::kFair : Grade::kGood;
@@ -55,6 +38,7 @@ class Judge {
     judge_monitor();
     judge_ticks();
     judge_energy();
+    judge_limits();
     judge_contact();
     judge_force();
     judge_telemetry();
@@ -77,26 +61,8 @@ class Judge {
     findings_.push_back({Grade::kGood, what, "", std::move(text), ""});
   }
   /// A consequence: of what was found before, or of something else that it names itself.
-  struct Cause {
-    std::string what;
-    std::string remedy;
-  };
   void add(Grade grade, const char* what, const std::string& text, Cause&& cause) {
     findings_.push_back({grade, what, std::move(cause.what), text, std::move(cause.remedy)});
-  }
-
-  /// The first of these that was found.
-  [[nodiscard]] std::optional<Cause> found(std::initializer_list<const char*> events) const {
-    for (const char* event : events) {
-      const auto it = std::find_if(findings_.begin(), findings_.end(), [&](const RunFinding& one) {
-        return one.grade != Grade::kGood && one.what == event;
-      });
-      if (it != findings_.end()) return Cause{event, "because of the above: " + it->text};
-    }
-    return std::nullopt;
-  }
-  [[nodiscard]] static Cause simulated(const char* what, const std::string& fields) {
-    return {what, "simulated by `" + fields + "` of the session"};
   }
 
   [[nodiscard]] std::uint64_t ticks() const {
@@ -165,6 +131,25 @@ class Judge {
     }
   }
 
+  /// What the device's own limits take from the force.
+  void judge_limits() {
+    const DeviceCounters& device = f_.device;
+    if (f_.mofc.contact_ticks == 0) return;
+    if (device.has_no_motor_watchdog && !device.accepts_no_motor_watchdog) {
+      add({Grade::kFair, "no_motor_watchdog",
+           "the motors do not end a force by themselves, so it is held to the device's dry "
+           "friction",
+           "if a person can cut the supply of the motors: device.accept=NO_MOTOR_WATCHDOG"});
+    }
+    const double cut = ratio(device.peak_limited_ticks, f_.mofc.contact_ticks);
+    if (const Grade grade = grade_above(cut, kFairRatio, kBadRatio); grade != Grade::kGood) {
+      add({grade, "peak_force",
+           "the device's peak force or slew limit cut the force in " + percent(cut) +
+               " of the contact",
+           "softer tissue, less depth, or a stronger device"});
+    }
+  }
+
   void judge_nodes() {
     const auto restarted = [&](const char* what, const char* node, const RunFacts::Node& facts) {
       if (facts.restarts == 0) return;
@@ -176,7 +161,8 @@ class Judge {
     restarted("device_restarted", "device_node", f_.device_node);
     restarted("mofc_restarted", "mofc_node", f_.mofc_node);
     restarted("physics_restarted", "physics_node", f_.physics_node);
-    if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && !has_fault()) {
+    if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && !has_fault() &&
+        !causes_.found({"device_not_enabled", "dead_man_button", "position_frozen"})) {
       add({Grade::kBad, "mofc_silent", "mofc_node never answered device_node in time",
            keys_remedy(f_.mofc_node.is_heard ? "both run; run `palpate doctor`, check "
                                                "links.exchange, device.rate_hz, reply_us"
@@ -187,7 +173,7 @@ class Judge {
            fmt::format("mofc_node sent {} commands that are not numbers",
                        f_.device.non_finite_commands),
            f_.clamp_faults.empty() ? "a controller of your own? check it with `palpate loopback`"
-                                   : simulated("", f_.clamp_faults).remedy});
+                                   : Causes::simulated("", f_.clamp_faults).remedy});
     }
   }
 
@@ -204,7 +190,8 @@ class Judge {
           silent >= kBadSilence_ratio ? Grade::kBad : Grade::kFair, "physics_silent",
           "physics was silent, and the force faded, in " + percent(silent) + " of the ticks",
           "see the log of physics_node: it was restarted, stopped, or its steps take long"};
-      if (!f_.physics_faults.empty()) event.remedy = simulated("", f_.physics_faults).remedy;
+      if (!f_.physics_faults.empty())
+        event.remedy = Causes::simulated("", f_.physics_faults).remedy;
       add(std::move(event));
     }
     const double rate = f_.physics_hz / f_.physics_rate_hz;
@@ -269,7 +256,7 @@ class Judge {
     std::string remedy =
         "the clamp and the device disagree: check device.profile (`palpate identify`)";
     if (!f_.clamp_faults.empty()) {
-      remedy = simulated("", f_.clamp_faults).remedy;
+      remedy = Causes::simulated("", f_.clamp_faults).remedy;
     } else if (!f_.is_limited) {
       remedy = "the controller `" + f_.controller +
                "` does not limit itself; use mofc, or mofc.safety_net=true";
@@ -282,44 +269,17 @@ class Judge {
          std::move(remedy)});
   }
 
-  [[nodiscard]] Cause cause_of_late_ticks() const {
-    if (const auto cause = found({"device_restarted"})) return *cause;
-    if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
-    if (!f_.is_in_real_time) return {"unknown", "in lockstep no tick is late by itself: report it"};
-    return {"machine_late", "run `palpate doctor`, stop other programs"};
-  }
-  [[nodiscard]] Cause cause_of_no_answer() const {
-    if (const auto cause = found({"device_fault", "device_not_enabled", "mofc_silent",
-                                  "mofc_restarted", "device_restarted", "command_not_finite"})) {
-      return *cause;
-    }
-    if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
-    if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
-    if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
-    if (f_.device.late_switches > 0) {
-      return {"late_switch",
-              fmt::format("{} forces began after their deadline; run `palpate doctor`",
-                          f_.device.late_switches)};
-    }
-    if (!f_.is_in_real_time) {
-      return {"unknown",
-              "device.reply_us or mofc.wait_for_physics_us leaves no time for an answer"};
-    }
-    return {"machine_late",
-            "run `palpate doctor`, stop other programs, or use --together device,mofc"};
-  }
-
   void judge_ticks() {
     if (ticks() == 0) return;
     const double skipped = ratio(f_.device.loop.skipped_ticks, ticks());
     const double unanswered = 1.0 - answered_ratio(f_.device) - skipped;
     if (skipped > kFewTicks) {
       add(skipped >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_skipped",
-          percent(skipped) + " of the ticks were skipped", cause_of_late_ticks());
+          percent(skipped) + " of the ticks were skipped", causes_.of_late_ticks());
     }
     if (unanswered > kFewTicks) {
       add(unanswered >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_unanswered",
-          percent(unanswered) + " of the ticks were not answered in time", cause_of_no_answer());
+          percent(unanswered) + " of the ticks were not answered in time", causes_.of_no_answer());
     }
     if (skipped <= kFewTicks && unanswered <= kFewTicks) {
       good("ticks_answered", fmt::format("{:.2f} % of the ticks answered in time",
@@ -334,91 +294,14 @@ class Judge {
       good("energy", "the hand extracted no energy");
       return;
     }
-    Cause cause{"profile_wrong",
-                "use mode guard, and a device profile that is a lower bound "
-                "(`palpate identify`)"};
-    if (!f_.clamp_faults.empty()) {
-      cause = simulated("simulated_clamp", f_.clamp_faults);
-    } else if (!f_.is_limited && f_.controller == "none") {
-      cause = {"no_controller", "no controller limits the force; try --set mofc.controller=mofc"};
-    } else if (!f_.is_limited) {
-      cause = {"controller", "the controller `" + f_.controller +
-                                 "` does not prevent it here; try --set mofc.safety_net=true"};
-    } else if (const auto found_cause = found({"path_jumps", "hand_too_fast", "encoder_coarse"})) {
-      cause = *found_cause;
-    } else if (f_.controller == "mofc paper") {
-      cause = {"mode_paper", "mode paper assumes undelayed forces; try --set mofc.mode=guard"};
-    }
     add(Grade::kBad, "energy_extracted", "the hand extracted " + energy_text(-energy_joule),
-        std::move(cause));
-  }
-
-  [[nodiscard]] Cause cause_of_no_contact() const {
-    if (const auto cause =
-            found({"device_fault", "device_not_enabled", "mofc_silent", "physics_silent",
-                   "device_restarted", "mofc_restarted", "physics_restarted", "dead_man_button"})) {
-      return *cause;
-    }
-    if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
-    if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
-    if (!f_.is_simulated) return {"no_contact", "move the device to the tissue"};
-    return {"path", "check the hand's path and the places of the tissues: `palpate scene check`"};
-  }
-
-  /// Why a force that physics asks for is not passive, or not true.
-  [[nodiscard]] Cause cause_of_loss() const {
-    if (const auto cause =
-            found({"device_fault", "device_restarted", "mofc_restarted", "physics_restarted",
-                   "physics_silent", "physics_slow", "elastic_failed", "elastic_late", "path_jumps",
-                   "hand_too_fast", "monitor_reduced", "dead_man_button", "ticks_unanswered",
-                   "ticks_skipped"})) {
-      return *cause;
-    }
-    if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
-    if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
-    if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
-    if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
-    if (!f_.is_limited) {
-      return {f_.controller == "none" ? "no_controller" : "controller",
-              "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
-    }
-    if (ratio(f_.device.peak_limited_ticks, f_.mofc.contact_ticks) >= kFairRatio) {
-      return {"peak_force",
-              "the device's peak force or slew limit cuts the force: softer tissue, "
-              "less depth, or a stronger device"};
-    }
-    const bool is_coarse = f_.physics_rate_hz < f_.device_rate_hz;
-    if (is_coarse && !f_.is_local) {
-      return {"physics_rate",
-              fmt::format("physics computes {} forces a second for {} ticks: raise "
-                          "physics.rate_hz, or set mofc.interaction=local",
-                          thousands(f_.physics_rate_hz), thousands(f_.device_rate_hz))};
-    }
-    if (std::isfinite(f_.solve_rate_hz)) {
-      return {"solve_rate", fmt::format("elastic tissue is solved only {:g} times a second: raise "
-                                        "elastic.solve_rate_hz",
-                                        f_.solve_rate_hz)};
-    }
-    if (is_coarse) {
-      return {"physics_rate",
-              fmt::format("contact models are {} times a second old, for {} ticks: "
-                          "raise physics.rate_hz",
-                          thousands(f_.physics_rate_hz), thousands(f_.device_rate_hz))};
-    }
-    if (!f_.is_session_known)
-      return {"unknown", "the session cannot be read here, only its figures"};
-    if (!f_.is_local) {
-      return {"interaction_held", "forces arrive a round trip late: set mofc.interaction=local"};
-    }
-    return {"tissue_stiff",
-            "the requested force creates energy that the device's friction cannot "
-            "absorb: softer or more damped tissue, or a higher device.rate_hz"};
+        causes_.of_extracted_energy());
   }
 
   void judge_contact() {
     const MofcCounters& mofc = f_.mofc;
     if (ticks() > 0 && mofc.contact_ticks == 0) {
-      add(Grade::kBad, "no_contact", "the tool never touched tissue", cause_of_no_contact());
+      add(Grade::kBad, "no_contact", "the tool never touched tissue", causes_.of_no_contact());
       return;
     }
     if (!f_.controller.starts_with("mofc")) return;  // other controllers change every force
@@ -427,7 +310,7 @@ class Judge {
     if (grade == Grade::kGood) {
       good("clamped", "the clamp left " + percent(1.0 - clamped) + " of the contact as it is");
     } else {
-      add(grade, "clamped", percent(clamped) + " of the contact was clamped", cause_of_loss());
+      add(grade, "clamped", percent(clamped) + " of the contact was clamped", causes_.of_loss());
     }
   }
 
@@ -439,7 +322,7 @@ class Judge {
       if (grade == Grade::kGood) {
         good(what, text);
       } else {
-        add(grade, what, text, cause_of_loss());
+        add(grade, what, text, causes_.of_loss());
       }
     };
     graded("force_error", f_.force_error_rms_ratio,
@@ -466,7 +349,7 @@ class Judge {
                       excess == 0 ? "no" : thousands(static_cast<double>(excess)),
                       excess >= kBadReversals ? ": the hand chatters" : "");
       if (excess >= kBadReversals) {
-        add(Grade::kBad, "reversals", text, cause_of_loss());
+        add(Grade::kBad, "reversals", text, causes_.of_loss());
       } else {
         good("reversals", text);
       }
@@ -476,7 +359,7 @@ class Judge {
   /// Of elastic tissue; fair at most: nothing is known to be bad.
   void judge_bound(const char* what, std::uint64_t part, std::uint64_t whole, const char* text) {
     if (ratio(part, whole) < kFairRatio) return;
-    add(Grade::kFair, what, percent(ratio(part, whole)) + text, cause_of_loss());
+    add(Grade::kFair, what, percent(ratio(part, whole)) + text, causes_.of_loss());
   }
 
   void judge_telemetry() {
@@ -491,6 +374,7 @@ class Judge {
 
   const RunFacts& f_;
   std::vector<RunFinding> findings_;
+  Causes causes_{f_, findings_};
 };
 
 }  // namespace

@@ -26,6 +26,10 @@ RunFacts facts_of(const Session& session, const Side& side) {
   facts.is_local = side.mofc.interaction == InteractionUse::kLocal;
   facts.is_simulated = !is_real(side.driver);
   facts.device_rate_hz = side.device.rate_hz;
+  facts.coulomb_newton = side.device.profile.coulomb_newton;
+  facts.position_resolution_m = side.device.profile.position_resolution_m;
+  facts.latency_s = to_seconds(side.device.latency);
+  facts.start_ramp_s = to_seconds(side.device.start_ramp);
   facts.physics_rate_hz = session.physics.rate_hz;
   facts.v_max_m_per_s = side.device.monitor.v_max_m_per_s;
   for (const TissueConfig& tissue : session.scene.tissues) {
@@ -43,6 +47,8 @@ RunFacts facts_of(const Session& session, const Side& side) {
   if (faults.force_command.any()) append(facts.exchange_faults, "faults.force_command");
   if (faults.tool_motion.any()) append(facts.physics_faults, "faults.tool_motion");
   if (faults.interaction.any()) append(facts.physics_faults, "faults.interaction");
+  if (faults.standby_tool_motion.any()) append(facts.standby_faults, "faults.standby_tool_motion");
+  if (faults.standby_interaction.any()) append(facts.standby_faults, "faults.standby_interaction");
   const DeviceFaults& device = faults.device;
   if (!device.skips.empty() || device.late_ratio > 0.0 || device.late_switch_ratio > 0.0) {
     append(facts.device_faults, "faults.device");

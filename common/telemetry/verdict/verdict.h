@@ -38,6 +38,10 @@ struct RunFacts {
   bool is_simulated = true;       ///< the device
   double device_rate_hz = kNaN;
   double physics_rate_hz = kNaN;
+  double coulomb_newton = kNaN;         ///< f_co of the profile
+  double position_resolution_m = kNaN;  ///< q of the profile
+  double latency_s = 0.0;               ///< device.latency_us
+  double start_ramp_s = 0.0;
   double solve_rate_hz = kNaN;  ///< lowest of the elastic tissues; NaN: there is none
   double v_max_m_per_s = std::numeric_limits<double>::infinity();
   double path_m_per_s = 0.0;  ///< fastest place of a recorded path; 0: the path is another one
@@ -45,6 +49,7 @@ struct RunFacts {
   // its simulated disturbances, by their fields: "faults.interaction"; empty: none
   std::string exchange_faults{};  ///< of hops 1 and 4
   std::string physics_faults{};   ///< of hops 2 and 3, and a hostile physics
+  std::string standby_faults{};   ///< of hops 2 and 3 of physics.standby
   std::string device_faults{};    ///< of the device's process
   std::string clamp_faults{};     ///< a clamp that lies
 

@@ -51,6 +51,7 @@ struct Setting {
   double limit_newton = 3.3;
   Duration latency{};  ///< of the readings
   bool freezes = false;
+  std::function<int(int tick)> skipped = {};  ///< ticks after this one
   std::optional<DeviceProfile> profile = {};
 };
 
@@ -70,6 +71,7 @@ Checked check(const Setting& setting, const Motors& motors, std::uint64_t seed =
   device::DeviceSample sample;
   std::optional<Vector3> first;
   std::uint64_t allocated = 0;
+  int tick = 0;
   while (checks.verdict() == MotorVerdict::kChecking && result.seconds < 60.0) {
     EXPECT_TRUE(arm.read(sample));
     late.push_back(sample.hand_position_m);
@@ -84,8 +86,11 @@ Checked check(const Setting& setting, const Motors& motors, std::uint64_t seed =
     allocated += guard.count();
     device::DeviceSample passed;
     EXPECT_TRUE(arm.apply(motors(push), 1h, passed));
-    clock.advance(from_seconds(1.0 / setting.rate_hz));
-    result.seconds += 1.0 / setting.rate_hz;
+    const int periods = 1 + (setting.skipped ? setting.skipped(tick++) : 0);
+    for (int i = 0; i < periods; ++i) {
+      clock.advance(from_seconds(1.0 / setting.rate_hz));
+      result.seconds += 1.0 / setting.rate_hz;
+    }
     result.largest_newton = std::max(result.largest_newton, push.norm());
     result.furthest_m = std::max(result.furthest_m, (sample.hand_position_m - *first).norm());
   }
@@ -208,6 +213,30 @@ TEST(MotorCheck, APushThatMovesTheHandleTooFarEndsAtOnce) {
   EXPECT_LT(strong.seconds, 0.2) << "before the first block is full";
   EXPECT_LT(strong.furthest_m, 2.0 * MotorCheck::kFarthest_m + 2e-3)
       << "the half wave before went up to as far, and a tick follows";
+}
+
+// A push that goes on while ticks are skipped moves the handle further, and so it is taken.
+TEST(MotorCheck, SkippedTicksAreNotTakenForStrengthNorDoTheyHideIt) {
+  for (const auto& [name, skipped] :
+       {std::pair<std::string, std::function<int(int)>>{"every other tick", [](int) { return 1; }},
+        {"3 of 4", [](int) { return 3; }},
+        {"4 of them now and then", [](int tick) { return tick % 23 == 0 ? 4 : 0; }}}) {
+    Setting setting{.hand = device::nobody(), .skipped = skipped};
+    setting.simulated.mass_kg = 0.04;
+    const Checked right = check(setting, times(1.0));
+    EXPECT_EQ(right.verdict, MotorVerdict::kGood) << name;
+    EXPECT_NEAR(right.gain, 1.0, 0.35) << name;
+    EXPECT_EQ(check(setting, times(2.0)).verdict, MotorVerdict::kTooStrong) << name;
+    EXPECT_EQ(check(setting, times(-1.0)).verdict, MotorVerdict::kWrongWay) << name;
+  }
+}
+
+TEST(MotorCheck, EndsWhereItIsInterruptedAgainAndAgain) {
+  const Checked checked =
+      check({.skipped = [](int tick) { return tick % 100 == 0 ? 10 : 0; }}, times(1.0));
+  EXPECT_EQ(checked.verdict, MotorVerdict::kInterrupted);
+  EXPECT_LT(checked.seconds, 15.0);
+  EXPECT_LE(checked.furthest_m, MotorCheck::kFarthest_m);
 }
 
 TEST(MotorCheck, OfAHeldArmTheGainIsALowerBound) {

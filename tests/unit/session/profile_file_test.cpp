@@ -78,6 +78,19 @@ TEST_F(ProfileFile, OverrideNamesAnotherOrNone) {
   EXPECT_EQ(load({"device.profile_file="}).coulomb_newton, 0.1);  // the default
 }
 
+TEST(ProfileDefaults, TheStepIsThatOfTheDriverIfItDeclaresACoarseOne) {
+  const auto step_of = [](const char* session, const std::vector<std::string>& overrides) {
+    return load_session(std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + session, overrides)
+        .side()
+        .device.profile.position_resolution_m;
+  };
+  EXPECT_EQ(step_of("falcon.txtpb", {}), 110e-6);
+  EXPECT_EQ(step_of("falcon.txtpb", {"device.falcon.position_resolution_m=1e-6"}), 55e-6);
+  EXPECT_EQ(step_of("falcon.txtpb", {"device.profile.position_resolution_m=2e-4"}), 2e-4);
+  // a fault that is simulated changes no default
+  EXPECT_EQ(step_of("default.txtpb", {"device.simulated.position_resolution_m=3e-4"}), 55e-6);
+}
+
 TEST_F(ProfileFile, WhatIsWrittenIsReadWithBoundsRoundedDown) {
   write(profile_text({.viscous_newton_s_per_m = 0.0123456789,
                       .coulomb_newton = 0.2,

@@ -330,11 +330,95 @@ inline std::vector<VerdictCase> verdict_cases() {
        {"faults.tool_motion.delay_ms=40"}},
       {"tissue too stiff for the device", "tissue_stiff", "softer", "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; }},
-      {"a device that is too weak", "peak_force", "peak force", "fair",
+      {"a device that is too weak", "peak_force", "stronger device", "bad",
        [](TroubledRun& run) {
          run.device.peak_limited_ticks = 2'000;
          run.mofc.clamped_ticks = 1'000;
        }},
+      {"a device that is too weak now and then, and nothing else", "peak_force", "stronger device",
+       "fair", [](TroubledRun& run) { run.device.peak_limited_ticks = 600; }},
+      {"motors that end no force", "no_motor_watchdog", "NO_MOTOR_WATCHDOG", "fair",
+       [](TroubledRun& run) { run.device.has_no_motor_watchdog = true; }},
+      {"motors that end no force, accepted", "", "", "good",
+       [](TroubledRun& run) {
+         run.device.has_no_motor_watchdog = run.device.accepts_no_motor_watchdog = true;
+       }},
+      {"a dead-man button that nobody held",
+       "dead_man_button",
+       "hold",
+       "bad",
+       [](TroubledRun& run) {
+         run.device.dead_man_ticks = 10'000;
+         unanswered(run, 10'000);
+       },
+       {"device.dead_man_button=1"}},
+      {"a run that is over before the ramp is",
+       "start_ramp",
+       "start_ramp_ms",
+       "bad",
+       [](TroubledRun& run) {
+         run.mofc.contact_ticks = 8'000;
+         run.mofc.clamped_ticks = 3'000;
+       },
+       {"device.start_ramp_ms=5000"}},
+      {"a tool that begins in tissue, with a long ramp",
+       "start_ramp",
+       "start_ramp_ms",
+       "bad",
+       [](TroubledRun& run) {
+         run.mofc.clamped_ticks = 3'000;
+         run.physics.is_started_in_contact = true;
+       },
+       {"device.start_ramp_ms=1000"}},
+      {"a long ramp in the air",
+       "tissue_stiff",
+       "softer",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"device.start_ramp_ms=4000"}},
+      {"a tool that begins in tissue", "started_in_contact", "begin outside", "bad",
+       [](TroubledRun& run) {
+         run.mofc.clamped_ticks = 3'000;
+         run.physics.is_started_in_contact = true;
+       }},
+      {"a device without friction",
+       "no_friction",
+       "dry friction",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"device.profile.coulomb_newton=0"}},
+      {"friction that the check lowered", "friction_lowered", "60 %", "bad",
+       [](TroubledRun& run) {
+         run.device.checked_friction_ratio = 0.6;
+         run.mofc.clamped_ticks = 3'000;
+       }},
+      {"a device that is late",
+       "device_latency",
+       "0.5 ms old",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"device.latency_us=500"}},
+      {"a coarse encoder, and the profile says so",
+       "resolution",
+       "0.3 mm",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"device.profile.position_resolution_m=3e-4"}},
+      {"a slow device",
+       "device_rate",
+       "250 ticks a second",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"device.rate_hz=250"}},
+      {"a disturbed standby",
+       "simulated_physics",
+       "faults.standby_interaction",
+       "bad",
+       [](TroubledRun& run) {
+         run.mofc.standby_ticks = 5'000;
+         run.mofc.clamped_ticks = 3'000;
+       },
+       {"physics.standby={}", "faults.standby_interaction.delay_ms=40"}},
       {"a bound as large as the force", "tissue_stiff", "of its solution", "bad",
        [](TroubledRun& run) { run.physics.elastic_bound_newton = 0.5; }},
       {"a force whose error nothing bounds", "tissue_stiff", "40 % of the contact", "fair",

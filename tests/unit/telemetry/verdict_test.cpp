@@ -52,7 +52,8 @@ TEST(Verdict, BlamesNoSimulatedFaultWhereThereIsNone) {
   for (const VerdictCase& one : verdict_cases()) {
     const TroubledRun run = run_of(one);
     const RunFacts facts = lockstep_facts(run);
-    if (!(facts.exchange_faults + facts.physics_faults + facts.device_faults + facts.clamp_faults)
+    if (!(facts.exchange_faults + facts.physics_faults + facts.standby_faults +
+          facts.device_faults + facts.clamp_faults)
              .empty()) {
       continue;
     }

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/telemetry/verdict/causes.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// From these values on they cost `default` a tenth of its force and more (transparency 0.99 below).
+constexpr double kLongLatency_s = 0.3e-3;
+constexpr double kCoarseResolution_m = 0.2e-3;
+constexpr double kLittleFriction_newton = 0.01;
+constexpr double kFriction_ratio = 0.95;  // of the profile, as the hands-off check found it
+constexpr double kUsualRate_hz = 1000.0;
+
+}  // namespace
+
+double ratio(std::uint64_t part, std::uint64_t whole) {
+  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+}
+
+std::string percent(double share) {
+  return share < 0.1 ? fmt::format("{:.2g} %", 100.0 * share)
+                     : fmt::format("{:.0f} %", 100.0 * share);
+}
+
+std::string thousands(double value) {
+  std::string digits = fmt::format("{:.0f}", value);
+  for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) {
+    digits.insert(static_cast<std::size_t>(at), ",");
+  }
+  return digits;
+}
+
+std::optional<Cause> Causes::found(std::initializer_list<const char*> events) const {
+  for (const char* event : events) {
+    const auto it = std::find_if(findings_.begin(), findings_.end(), [&](const RunFinding& one) {
+      return one.grade != Grade::kGood && one.what == event;
+    });
+    if (it != findings_.end()) return Cause{event, "because of the above: " + it->text};
+  }
+  return std::nullopt;
+}
+
+Cause Causes::simulated(const char* what, const std::string& fields) {
+  return {what, "simulated by `" + fields + "` of the session"};
+}
+
+Cause Causes::of_late_ticks() const {
+  if (const auto cause = found({"device_restarted"})) return *cause;
+  if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+  if (!f_.is_in_real_time) return {"unknown", "in lockstep no tick is late by itself: report it"};
+  return {"machine_late", "run `palpate doctor`, stop other programs"};
+}
+
+Cause Causes::of_no_answer() const {
+  if (const auto cause =
+          found({"device_fault", "device_not_enabled", "dead_man_button", "mofc_silent",
+                 "mofc_restarted", "device_restarted", "command_not_finite"})) {
+    return *cause;
+  }
+  if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
+  if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
+  if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+  if (f_.device.late_switches > 0) {
+    return {"late_switch", fmt::format("{} forces began after their deadline; run `palpate doctor`",
+                                       f_.device.late_switches)};
+  }
+  if (!f_.is_in_real_time) {
+    return {"unknown", "device.reply_us or mofc.wait_for_physics_us leaves no time for an answer"};
+  }
+  return {"machine_late",
+          "run `palpate doctor`, stop other programs, or use --together device,mofc"};
+}
+
+Cause Causes::of_extracted_energy() const {
+  if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
+  if (!f_.is_limited && f_.controller == "none") {
+    return {"no_controller", "no controller limits the force; try --set mofc.controller=mofc"};
+  }
+  if (!f_.is_limited) {
+    return {"controller", "the controller `" + f_.controller +
+                              "` does not prevent it here; try --set mofc.safety_net=true"};
+  }
+  if (const auto cause = found({"path_jumps", "hand_too_fast", "encoder_coarse"})) return *cause;
+  if (f_.controller == "mofc paper") {
+    return {"mode_paper", "mode paper assumes undelayed forces; try --set mofc.mode=guard"};
+  }
+  return {"profile_wrong",
+          "use mode guard, and a device profile that is a lower bound (`palpate identify`)"};
+}
+
+Cause Causes::of_no_contact() const {
+  if (const auto cause =
+          found({"device_fault", "device_not_enabled", "mofc_silent", "physics_silent",
+                 "device_restarted", "mofc_restarted", "physics_restarted", "dead_man_button"})) {
+    return *cause;
+  }
+  if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
+  if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
+  if (!f_.is_simulated) return {"no_contact", "move the device to the tissue"};
+  return {"path", "check the hand's path and the places of the tissues: `palpate scene check`"};
+}
+
+/// Of the run, not of what the session asks for.
+std::optional<Cause> Causes::disturbance() const {
+  if (const auto cause =
+          found({"device_fault", "device_restarted", "mofc_restarted", "physics_restarted",
+                 "physics_silent", "physics_slow", "elastic_failed", "elastic_late", "path_jumps",
+                 "hand_too_fast", "encoder_coarse", "monitor_reduced", "dead_man_button",
+                 "position_frozen", "ticks_unanswered", "ticks_skipped"})) {
+    return cause;
+  }
+  if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
+  if (!f_.standby_faults.empty() && f_.mofc.standby_ticks > 0) {
+    return simulated("simulated_physics", f_.standby_faults);
+  }
+  if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
+  if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+  if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
+  return std::nullopt;
+}
+
+std::optional<Cause> Causes::begin_of_run() const {
+  const double contact_s = static_cast<double>(f_.mofc.contact_ticks) / f_.device_rate_hz;
+  const double run_s = static_cast<double>(f_.device.loop.ticks) / f_.device_rate_hz;
+  // the ramp and the contact overlap by so much at least
+  const double in_ramp_s = f_.physics.is_started_in_contact
+                               ? std::min(contact_s, f_.start_ramp_s)
+                               : std::min(contact_s, f_.start_ramp_s + contact_s - run_s);
+  if (in_ramp_s >= kFairRatio * contact_s && contact_s > 0.0) {
+    return Cause{"start_ramp",
+                 fmt::format("the force grows from zero for {:.1f} s, by device.start_ramp_ms: "
+                             "touch later, run longer, or lower it",
+                             f_.start_ramp_s)};
+  }
+  if (f_.physics.is_started_in_contact) {
+    return Cause{"started_in_contact",
+                 "the tool was in tissue when the run began, where nobody had stored the energy of "
+                 "a press: begin outside"};
+  }
+  return std::nullopt;
+}
+
+std::optional<Cause> Causes::device() const {
+  if (const auto cause = found({"no_motor_watchdog", "peak_force"})) return cause;
+  const double lowered = f_.device.checked_friction_ratio;
+  if (lowered > 0.0 && lowered < kFriction_ratio) {
+    return Cause{"friction_lowered",
+                 fmt::format("the hands-off check found {} of the profile's friction: `palpate "
+                             "identify` measures it",
+                             percent(lowered))};
+  }
+  if (f_.coulomb_newton < kLittleFriction_newton) {
+    return Cause{
+        "no_friction",
+        fmt::format("by device.profile the device has {:g} N of dry friction, which is what "
+                    "absorbs the energy of sampling: `palpate identify` measures it",
+                    f_.coulomb_newton)};
+  }
+  if (f_.latency_s >= kLongLatency_s) {
+    return Cause{
+        "device_latency",
+        fmt::format("by device.latency_us positions and forces are {:.1f} ms old, and what "
+                    "that can cost is held back: give the true one, or a faster device",
+                    1e3 * f_.latency_s)};
+  }
+  if (f_.position_resolution_m >= kCoarseResolution_m) {
+    return Cause{
+        "resolution",
+        fmt::format("device.profile.position_resolution_m is {:.2g} mm, and the energy that "
+                    "hides in a step is held back: give the true one, or softer tissue",
+                    1e3 * f_.position_resolution_m)};
+  }
+  return std::nullopt;
+}
+
+std::optional<Cause> Causes::physics() const {
+  const bool is_coarse = f_.physics_rate_hz < f_.device_rate_hz;
+  if (is_coarse && !f_.is_local) {
+    return Cause{"physics_rate",
+                 fmt::format("physics computes {} forces a second for {} ticks: raise "
+                             "physics.rate_hz, or set mofc.interaction=local",
+                             thousands(f_.physics_rate_hz), thousands(f_.device_rate_hz))};
+  }
+  if (std::isfinite(f_.solve_rate_hz)) {
+    return Cause{"solve_rate",
+                 fmt::format("elastic tissue is solved only {:g} times a second: raise "
+                             "elastic.solve_rate_hz",
+                             f_.solve_rate_hz)};
+  }
+  if (is_coarse) {
+    return Cause{"physics_rate",
+                 fmt::format("contact models are {} times a second old, for {} "
+                             "ticks: raise physics.rate_hz",
+                             thousands(f_.physics_rate_hz), thousands(f_.device_rate_hz))};
+  }
+  return std::nullopt;
+}
+
+Cause Causes::of_loss() const {
+  if (const auto cause = disturbance()) return *cause;
+  if (!f_.is_limited) {
+    return {f_.controller == "none" ? "no_controller" : "controller",
+            "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
+  }
+  if (const auto cause = begin_of_run()) return *cause;
+  if (const auto cause = device()) return *cause;
+  if (const auto cause = physics()) return *cause;
+  if (!f_.is_session_known) return {"unknown", "the session cannot be read here, only its figures"};
+  if (!f_.is_local) {
+    return {"interaction_held", "forces arrive a round trip late: set mofc.interaction=local"};
+  }
+  if (f_.device_rate_hz < kUsualRate_hz) {
+    return {"device_rate", fmt::format("{:g} ticks a second: raise device.rate_hz, or make the "
+                                       "tissue softer or more damped",
+                                       f_.device_rate_hz)};
+  }
+  return {"tissue_stiff",
+          "the requested force creates energy that the device's friction cannot absorb: softer or "
+          "more damped tissue, or a higher device.rate_hz"};
+}
+
+}  // namespace palpate

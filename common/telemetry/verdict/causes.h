@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// causes.h — why what was found in a run is as it is: because of an earlier finding, of something
+// that the session simulates, or of what the session asks for.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/telemetry/verdict/verdict.h"
+
+namespace palpate {
+
+struct Cause {
+  std::string what;    ///< RunFinding::cause
+  std::string remedy;  ///< RunFinding::remedy
+};
+
+/// 0 of nothing.
+[[nodiscard]] double ratio(std::uint64_t part, std::uint64_t whole);
+/// "4.2 %", "42 %"
+[[nodiscard]] std::string percent(double share);
+/// "1,000"
+[[nodiscard]] std::string thousands(double value);
+
+class Causes {
+ public:
+  /// @param findings  those so far; both must outlive this
+  Causes(const RunFacts& facts, const std::vector<RunFinding>& findings)
+      : f_(facts), findings_(findings) {}
+
+  /// The first of these that was found and is not good.
+  [[nodiscard]] std::optional<Cause> found(std::initializer_list<const char*> events) const;
+  /// By `fields` of the session.
+  [[nodiscard]] static Cause simulated(const char* what, const std::string& fields);
+
+  [[nodiscard]] Cause of_late_ticks() const;
+  [[nodiscard]] Cause of_no_answer() const;
+  [[nodiscard]] Cause of_extracted_energy() const;
+  [[nodiscard]] Cause of_no_contact() const;
+  /// Why a force that physics asks for is not passive, or not true.
+  [[nodiscard]] Cause of_loss() const;
+
+ private:
+  [[nodiscard]] std::optional<Cause> disturbance() const;
+  [[nodiscard]] std::optional<Cause> begin_of_run() const;
+  [[nodiscard]] std::optional<Cause> device() const;
+  [[nodiscard]] std::optional<Cause> physics() const;
+
+  const RunFacts& f_;
+  const std::vector<RunFinding>& findings_;
+};
+
+}  // namespace palpate
