@@ -234,7 +234,8 @@ inline void copy_message(const ElasticNews& from, ElasticNews& to) noexcept {
   }
 }
 
-inline void copy_message(const Interaction& from, Interaction& to) noexcept {
+/// Without the news, which are for the stores of surfaces and of elastic bodies.
+inline void copy_without_news(const Interaction& from, Interaction& to) noexcept {
   to.header = from.header;
   to.device_session_id = from.device_session_id;
   to.device_sequence = from.device_sequence;
@@ -246,12 +247,16 @@ inline void copy_message(const Interaction& from, Interaction& to) noexcept {
   message_copy::copy_used(from.contacts, from.listed_count, to.contacts);
   to.listed_count = from.listed_count;
   to.contact_count = from.contact_count;
-  copy_message(from.surface, to.surface);
-  copy_message(from.elastic, to.elastic);
   to.physics_term = from.physics_term;
   to.scene_ahead = from.scene_ahead;
   to.steps = from.steps;
   to.wave = from.wave;
+}
+
+inline void copy_message(const Interaction& from, Interaction& to) noexcept {
+  copy_without_news(from, to);
+  copy_message(from.surface, to.surface);
+  copy_message(from.elastic, to.elastic);
 }
 
 }  // namespace palpate

@@ -14,13 +14,20 @@ namespace {
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 /// Of a led hand: longer than the 16 ms between a pointer's steps, short enough to follow promptly.
 constexpr double kLeadTimeConstant_s = 0.05;
-constexpr double kBackOnPath_m = 1e-7;    // the step from there to the path: 15 µN at 150 N/m
-constexpr double kTimeRounding_s = 1e-9;  // of hours
+constexpr double kBackOnPath_m = 1e-7;        // the step from there to the path: 15 µN at 150 N/m
+constexpr double kTimeRounding_s = 1e-9;      // of hours
+constexpr double kTimeRounding_ratio = 1e-6;  // of a step
+constexpr int kTurns = 64;
 
 /// The path if it is a hostile one; else the defaults, which are not used.
 HostilePath hostile_part(const PathConfig& path) {
   const HostilePath* hostile = std::get_if<HostilePath>(&path);
   return hostile != nullptr ? *hostile : HostilePath{};
+}
+
+std::optional<SinusoidSteps> sinusoid_part(const PathConfig& path) {
+  const SinusoidPath* sinusoid = std::get_if<SinusoidPath>(&path);
+  return sinusoid != nullptr ? std::optional<SinusoidSteps>(*sinusoid) : std::nullopt;
 }
 
 }  // namespace
@@ -76,6 +83,43 @@ Target target_on(const SinusoidPath& path, double t_s) noexcept {
     const double phase = omega * t_s + path.phase_rad[axis];
     target.position_m[axis] += path.amplitude_m[axis] * std::sin(phase);
     target.velocity_m_per_s[axis] = path.amplitude_m[axis] * omega * std::cos(phase);
+  }
+  return target;
+}
+
+SinusoidSteps::SinusoidSteps(const SinusoidPath& path)
+    : path_(path), omega_rad_per_s_(kTwoPi * path.frequency_hz) {}
+
+Target SinusoidSteps::at(double t_s) noexcept {
+  const double step_s = t_s - t_s_;
+  const bool is_same = std::abs(step_s - step_s_) < kTimeRounding_ratio * step_s_;
+  t_s_ = t_s;
+  if (is_same && left_ > 0) {
+    --left_;
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (!has_turn_) {
+        const double angle = omega_rad_per_s_[static_cast<int>(i)] * step_s;
+        turn_[i] = {std::sin(angle), std::cos(angle)};
+      }
+      now_[i] = {now_[i].sin * turn_[i].cos + now_[i].cos * turn_[i].sin,
+                 now_[i].cos * turn_[i].cos - now_[i].sin * turn_[i].sin};
+    }
+    has_turn_ = true;
+  } else {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto axis = static_cast<int>(i);
+      const double phase = omega_rad_per_s_[axis] * t_s + path_.phase_rad[axis];
+      now_[i] = {std::sin(phase), std::cos(phase)};
+    }
+    left_ = kTurns;
+    if (!is_same) has_turn_ = false;
+    step_s_ = step_s;
+  }
+  Target target{path_.center_m, Vector3::Zero()};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto axis = static_cast<int>(i);
+    target.position_m[axis] += path_.amplitude_m[axis] * now_[i].sin;
+    target.velocity_m_per_s[axis] = path_.amplitude_m[axis] * omega_rad_per_s_[axis] * now_[i].cos;
   }
   return target;
 }
@@ -223,15 +267,15 @@ Target LedHand::target_towards(const Target& path, double t_s) noexcept {
 
 Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed)
     : config_(config),
+      sinusoid_(sinusoid_part(config.path)),
       is_hostile_(std::holds_alternative<HostilePath>(config.path)),
       hostile_(hostile_part(config.path), device, seed),
       intended_m_(Vector3::Zero()) {
   start_position_m_ = target(0.0, Vector3::Zero()).position_m;
 }
 
-Target Hand::target_without_sense(double t_s) noexcept {
-  if (led_ && !is_returning_) return led_->target(t_s);
-  Target target = std::visit(
+Target Hand::on_path(double t_s) const noexcept {
+  return std::visit(
       [&](const auto& path) -> Target {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
           return {path.center_m, Vector3::Zero()};  // not called for it
@@ -240,6 +284,11 @@ Target Hand::target_without_sense(double t_s) noexcept {
         }
       },
       config_.path);
+}
+
+Target Hand::target_without_sense(double t_s) noexcept {
+  if (led_ && !is_returning_) return led_->target(t_s);
+  const Target target = sinusoid_ ? sinusoid_->at(t_s) : on_path(t_s);
   t_s_ = t_s;
   if (led_) {
     Target back = led_->target_towards(target, t_s);

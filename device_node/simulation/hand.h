@@ -2,6 +2,7 @@
 // hand.h — hands that hold a simulated device: their intended position, and the buttons they press.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -35,6 +36,28 @@ namespace palpate::device {
 /// Between samples the velocity is constant; at the held ends it is zero. A loop jumps from the
 /// last sample to the first.
 [[nodiscard]] Target target_on(const RecordedPath& path, double t_s) noexcept;
+
+/// target_on() of a sinusoid path at a series of times. Where they are equally spaced each is
+/// turned from the one before, within 1e-14 of the amplitude, and every 64th is computed anew.
+class SinusoidSteps {
+ public:
+  explicit SinusoidSteps(const SinusoidPath& path);
+  [[nodiscard]] Target at(double t_s) noexcept;
+
+ private:
+  struct Phasor {
+    double sin = 0.0;
+    double cos = 1.0;
+  };
+  SinusoidPath path_;
+  Vector3 omega_rad_per_s_;
+  std::array<Phasor, 3> now_{};
+  std::array<Phasor, 3> turn_{};  // of a step
+  double t_s_ = 0.0;
+  double step_s_ = 0.0;
+  bool has_turn_ = false;
+  int left_ = 0;  // steps until one is computed anew
+};
 
 /// Tries to draw energy from the rendered force. At random times it picks one of three ways:
 ///
@@ -164,7 +187,10 @@ class Hand {
   [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
 
  private:
+  [[nodiscard]] Target on_path(double t_s) const noexcept;
+
   HandConfig config_;
+  std::optional<SinusoidSteps> sinusoid_;  ///< if that is the path
   bool is_hostile_;
   HostileHand hostile_;  ///< at rest unless the path is a hostile one
   Vector3 start_position_m_;

@@ -66,13 +66,14 @@ class Plant {
   }
 
   /// One step of `h_s` > 0 under constant F; `target` is the hand's in the middle of the step.
-  void step(double h_s, const Target& target, const Vector3& force_on_hand_newton) noexcept {
+  [[gnu::always_inline]] void step(double h_s, const Target& target,
+                                   const Vector3& force_on_hand_newton) noexcept {
     advance(h_s, mean_velocity_m_per_s(h_s, target, force_on_hand_newton), force_on_hand_newton);
   }
 
   /// v̄ of the step that step() would take; zero where the hand sticks.
-  [[nodiscard]] Vector3 mean_velocity_m_per_s(double h, const Target& target,
-                                              const Vector3& F) const noexcept {
+  [[nodiscard, gnu::always_inline]] Vector3 mean_velocity_m_per_s(double h, const Target& target,
+                                                                  const Vector3& F) const noexcept {
     const double inertia = 2.0 * p_.mass_kg / h;
     const double K = p_.hand_stiffness_newton_per_m;
     const double B = p_.hand_damping_newton_s_per_m;
@@ -97,7 +98,8 @@ class Plant {
   }
 
   /// Takes the step whose mean velocity is known, and books its work.
-  void advance(double h, const Vector3& mean_velocity, const Vector3& F) noexcept {
+  [[gnu::always_inline]] void advance(double h, const Vector3& mean_velocity,
+                                      const Vector3& F) noexcept {
     if (p_.per_axis) return advance_per_axis(h, mean_velocity, F);
     const double speed2 = mean_velocity.squaredNorm();
     if (speed2 == 0.0) {

@@ -13,7 +13,7 @@ void ModelHandover::reset() noexcept {
 }
 
 void ModelHandover::take(const Interaction& newest, TimePoint now, Model& model) noexcept {
-  model.interaction = newest;
+  copy_without_news(newest, model.interaction);
   model.loop_age_at_arrival = std::max(Duration::zero(), now - newest.device_sampled_at);
 }
 
