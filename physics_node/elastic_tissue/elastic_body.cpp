@@ -27,6 +27,8 @@ namespace {
 constexpr double kMostScanError_m = 2e-4;
 constexpr double kRestTolerance_m = 1e-7;
 constexpr int kMostPointsPerEdge = 16;
+// Of quadratic elements: between fewer points a curved face goes into the tip.
+constexpr int kLeastPointsPerEdge = 2;
 // Of the surface that a point stands for, over the square of the tip's radius.
 constexpr double kPointArea = 0.09;
 
@@ -181,8 +183,9 @@ std::vector<elastic::SurfacePoint> contact_points(const elastic::Mesh& mesh,
     const double face_m2 = 0.5 * (mesh.nodes_m[face.nodes[1]] - corner_m)
                                      .cross(mesh.nodes_m[face.nodes[2]] - corner_m)
                                      .norm();
-    const int per_edge = std::clamp(static_cast<int>(std::round(std::sqrt(face_m2 / area_m2))), 1,
-                                    kMostPointsPerEdge);
+    const int per_edge =
+        std::clamp(static_cast<int>(std::round(std::sqrt(face_m2 / area_m2))),
+                   mesh.nodes_per_element == 10 ? kLeastPointsPerEdge : 1, kMostPointsPerEdge);
     const auto more = elastic::surface_points(mesh, {face}, per_edge);
     points.insert(points.end(), more.begin(), more.end());
   }

@@ -14,6 +14,7 @@ namespace palpate::physics {
 namespace {
 
 constexpr int kMostPoints = elastic::CondensedContact::kMostPoints;
+constexpr double kPointsWithin = 1.15;  // of the tip's centre, in radii
 constexpr int kMostSweeps = 40;
 constexpr double kSweepTolerance_m = 1e-7;
 // A new full solution is behind the tip, and a fast tip is ahead of its last place: it is followed
@@ -355,7 +356,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.contact.emplace(compliance_, 0.0, body_->contact_stiffness_pa_per_m);
   draft.patch_m = touch.centre_m + kAhead * step_s * tool.velocity_m_per_s;
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
-                         draft.patch_m, kMostPoints);
+                         draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m);
   draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_.v_m_per_s(),
                        simulation_.acceleration_m_per_s2());
   draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s,

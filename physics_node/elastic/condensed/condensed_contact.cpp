@@ -99,7 +99,7 @@ CondensedContact::CondensedContact(SurfaceCompliance& compliance, double frictio
 
 void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                                const std::vector<Vector3d>& forces_on_body_newton,
-                               const Vector3d& centre_m, int most_points) {
+                               const Vector3d& centre_m, int most_points, double within_m) {
   std::vector<std::size_t> order(points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::vector<double> distances;
@@ -109,10 +109,12 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
     const double distance_m = (points[i].position_m(x_m.data()) - centre_m).norm();
     distances.push_back(is_pressed ? -1.0 / std::max(distance_m, 1e-9) : distance_m);
   }
-  const std::size_t count = std::min({points.size(), static_cast<std::size_t>(most_points),
-                                      static_cast<std::size_t>(kMostPoints)});
-  std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), order.end(),
+  const std::size_t most = std::min({points.size(), static_cast<std::size_t>(most_points),
+                                     static_cast<std::size_t>(kMostPoints)});
+  std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(most), order.end(),
                     [&](std::size_t a, std::size_t b) { return distances[a] < distances[b]; });
+  std::size_t count = std::min(most, static_cast<std::size_t>(kUsualPoints));
+  while (count < most && distances[order[count]] < within_m) ++count;
   order.resize(count);
   chosen_ = order;
   count_ = static_cast<int>(count);

@@ -94,7 +94,8 @@ struct CondensedReport {
 /// friction.
 class CondensedContact {
  public:
-  static constexpr int kMostPoints = 64;
+  static constexpr int kMostPoints = 128;
+  static constexpr int kUsualPoints = 64;
   static constexpr double kLeastErrorRatio = 0.01;
   static constexpr double kStiffness_pa_per_m = 1e10;
 
@@ -106,9 +107,11 @@ class CondensedContact {
   /// The points that carry a force and those nearest to the sphere, their compliance among one
   /// another and onto the surface; the full solution x_m with the forces of `points` in it. On the
   /// slow thread. Allocates.
+  /// @param most_points  of them kUsualPoints, and more only as far as they are
+  /// @param within_m     of the centre
   void prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                const std::vector<Vector3d>& forces_on_body_newton, const Vector3d& centre_m,
-               int most_points);
+               int most_points, double within_m = 0.0);
 
   /// After prepare(), before relax(): in steps of some length these modes of the body move as their
   /// inertia lets them, from the full solution of prepare() on; in steps of no length they are at

@@ -106,10 +106,11 @@ inline physics::TetrahedralMesh analytic_ball(const std::optional<Ball>& lesion,
 /// A body of a session in which one tip is moved slowly: at every place it is at rest.
 class SlowTouch {
  public:
-  /// The lower half is held. A session has fewer points of contact.
+  /// The lower half is held.
   /// @param lesion_young_pa  of the region "lesion", if there is one
+  /// @param has_few_points   of contact, as a session has
   SlowTouch(const physics::TetrahedralMesh& mesh, double young_pa, double lesion_young_pa,
-            bool has_linear_elements) {
+            bool has_linear_elements, bool has_few_points = false) {
     const TempFolder folder;
     ElasticMaterial material{.young_pa = young_pa, .is_linear = has_linear_elements};
     material.fixed = {HalfSpaceGeometry{.point_m = Vector3::Zero(), .normal = Vector3::UnitZ()}};
@@ -131,7 +132,9 @@ class SlowTouch {
       const Vector3 corner_m = body_->body->mesh().nodes_m[face.nodes[0]];
       if (corner_m.z() > 0.5 * kBallRadius_m) faces.push_back(face);
     }
-    contact_.emplace(elastic::surface_points(body_->body->mesh(), faces, kPointsPerEdge),
+    contact_.emplace(has_few_points
+                         ? body_->points
+                         : elastic::surface_points(body_->body->mesh(), faces, kPointsPerEdge),
                      body_->contact_stiffness_pa_per_m);
     search_.emplace(*body_->body);
     factor_.emplace(*body_->body, elastic::Precision::kDouble);

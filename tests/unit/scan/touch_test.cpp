@@ -58,5 +58,21 @@ TEST(ImportedBall, FeelsStifferAboveALesionAsTheBallItselfOnAFinerMeshDoes) {
   EXPECT_NEAR(imported / reference, 1.0, 0.05);
 }
 
+// One point in the middle of each curved face lets the face go into the tip beside it: a third of
+// the force was missing.
+TEST(QuadraticBall, IsFeltThroughThePointsOfASessionAsThroughManyMore) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "takes minutes with sanitizers";
+#endif
+  const physics::TetrahedralMesh mesh = analytic_ball({}, 4.5e-3, kSiteRadius_m);
+  SlowTouch many(mesh, kYoung_pa, 0.0, false);
+  SlowTouch few(mesh, kYoung_pa, 0.0, false, true);
+  for (const Vector3& direction : slide_over_the_top(3, 0.12)) {
+    const double reference_newton = many.newton_at(direction, kTouchDepth_m).dot(direction);
+    EXPECT_NEAR(few.newton_at(direction, kTouchDepth_m).dot(direction) / reference_newton, 1.0,
+                0.05);
+  }
+}
+
 }  // namespace
 }  // namespace palpate::bench
