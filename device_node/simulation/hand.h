@@ -38,7 +38,8 @@ namespace palpate::device {
 [[nodiscard]] Target target_on(const RecordedPath& path, double t_s) noexcept;
 
 /// target_on() of a sinusoid path at a series of times. Where they are equally spaced each is
-/// turned from the one before, within 1e-14 of the amplitude, and every 64th is computed anew.
+/// turned from the one before, and every 65th is computed anew: within 1e-13 of the amplitude at
+/// first, and 1e-9 after an hour, when times are rounded that much.
 class SinusoidSteps {
  public:
   explicit SinusoidSteps(const SinusoidPath& path);

@@ -115,6 +115,26 @@ RecordedPath recorded_path() {
   return path;
 }
 
+TEST(SinusoidPath, IsTheSameInStepsOfAnyLength) {
+  const SinusoidPath path{.center_m = Vector3(0.01, 0, -0.02),
+                          .amplitude_m = Vector3(0.015, 0, 0.01),
+                          .frequency_hz = Vector3(0.7, 1.0, 5.0),
+                          .phase_rad = Vector3(-0.94, 0, 1.57)};
+  for (const double begin_s : {0.0, 3600.0}) {
+    const double tolerance = begin_s == 0.0 ? 1e-13 : 1e-9;
+    SinusoidSteps steps(path);
+    double t_s = begin_s;
+    for (int i = 0; i < 3000; ++i) {
+      // the length changes now and then, for a step or for many
+      t_s += i % 1000 == 7 ? 13e-6 : i < 1500 ? 50e-6 : 33.3e-6;
+      const Target exact = target_on(path, t_s);
+      const Target stepped = steps.at(t_s);
+      ASSERT_LT((stepped.position_m - exact.position_m).norm(), tolerance * 0.02);
+      ASSERT_LT((stepped.velocity_m_per_s - exact.velocity_m_per_s).norm(), tolerance * 0.4);
+    }
+  }
+}
+
 TEST(RecordedPath, IsLinearBetweenSamplesAndHoldsItsEnds) {
   const RecordedPath path = recorded_path();
 

@@ -188,8 +188,9 @@ TEST(LedHand, ReturnsToItsPathWhenItIsLetGo) {
   for (int i = 0; i < 1000; ++i) {
     const Target target = step();
     const Target wanted = plain.target(t, Vector3::Zero());
-    ASSERT_EQ(target.position_m, wanted.position_m);
-    ASSERT_EQ(target.velocity_m_per_s, wanted.velocity_m_per_s);
+    // one of them was turned on from another place
+    ASSERT_LT((target.position_m - wanted.position_m).norm(), 1e-15);
+    ASSERT_LT((target.velocity_m_per_s - wanted.velocity_m_per_s).norm(), 1e-14);
   }
 }
 
