@@ -288,7 +288,7 @@ Target Hand::on_path(double t_s) const noexcept {
 
 Target Hand::target_without_sense(double t_s) noexcept {
   if (led_ && !is_returning_) return led_->target(t_s);
-  const Target target = sinusoid_ ? sinusoid_->at(t_s) : on_path(t_s);
+  Target target = sinusoid_ ? sinusoid_->at(t_s) : on_path(t_s);
   t_s_ = t_s;
   if (led_) {
     Target back = led_->target_towards(target, t_s);

@@ -107,7 +107,7 @@ Cause Causes::of_no_contact() const {
 
 /// Of the run, not of what the session asks for.
 std::optional<Cause> Causes::disturbance() const {
-  if (const auto cause =
+  if (auto cause =
           found({"device_fault", "device_restarted", "mofc_restarted", "physics_restarted",
                  "physics_silent", "physics_slow", "elastic_failed", "elastic_late", "path_jumps",
                  "hand_too_fast", "encoder_coarse", "monitor_reduced", "dead_man_button",
@@ -146,7 +146,7 @@ std::optional<Cause> Causes::begin_of_run() const {
 }
 
 std::optional<Cause> Causes::device() const {
-  if (const auto cause = found({"no_motor_watchdog", "peak_force"})) return cause;
+  if (auto cause = found({"no_motor_watchdog", "peak_force"})) return cause;
   const double lowered = f_.device.checked_friction_ratio;
   if (lowered > 0.0 && lowered < kFriction_ratio) {
     return Cause{"friction_lowered",

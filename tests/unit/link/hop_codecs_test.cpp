@@ -370,7 +370,7 @@ TEST(SceneCodec, RefusesTrianglesOfMissingVertices) {
   const auto with_triangle = [](std::uint32_t last) {
     return [last](auto& scene) {
       auto& tissue = *scene.mutable_tissues(0);
-      tissue.set_vertices_m(std::string(3 * 12, '\0'));  // three vertices
+      tissue.set_vertices_m(std::string(std::size_t{3} * 12, '\0'));  // three vertices
       tissue.clear_vertex_stiffness_newton_per_m();
       tissue.set_triangles(packed(0U) + packed(1U) + packed(last));
     };
@@ -429,8 +429,8 @@ TEST(SceneCodec, FitsThreeHundredThousandVerticesAndTwiceAsManyTrianglesIntoOneS
   scene.tissues.resize(1);
   TissueSurface& tissue = scene.tissues[0];
   tissue.vertex_stiffness_newton_per_m.clear();
-  tissue.mesh.vertices_m.assign(3 * 300'000, 1.0F);
-  tissue.mesh.triangles.assign(3 * 600'000, 7);
+  tissue.mesh.vertices_m.assign(std::size_t{3} * 300'000, 1.0F);
+  tissue.mesh.triangles.assign(std::size_t{3} * 600'000, 7);
   EXPECT_LE(Codec<SceneState>().encode(scene), kMaxFrameBytes<SceneState>);
 }
 
