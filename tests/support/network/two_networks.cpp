@@ -46,7 +46,7 @@ std::string address(const std::string& what) {
 std::string TwoNetworks::make() {
   const uid_t uid = getuid();
   const gid_t gid = getgid();
-  if (access(kIp, X_OK) != 0) return std::string(kIp) + " is not installed (iproute2)";
+  if (access(kIp, X_OK) != 0) return std::string(kIp).append(" is not installed (iproute2)");
   if (uid == 0) {
     if (unshare(CLONE_NEWNET) != 0) return "a network namespace is not permitted";
   } else {
