@@ -136,6 +136,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   record.sampled_at = sample.sampled_at;
   if (reading != FaultReason::kNone) return reading;
   const DeviceState& state = make_state(sample, record.sequence);
+  if (config_.monitor.is_on && !monitor_.is_account_plausible()) return FaultReason::kAccountWrong;
   record.measured_hand_position_m = state.hand_position_m;
   record.measured_tool_position_world_m = state.tool_position_world_m;
   record.measured_tool_orientation_world = state.tool_orientation_world;
@@ -188,7 +189,11 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   // a slow device counts as silence
   record.is_answered =
       answer != nullptr && now <= deadline && slow_switches_ < kSlowSwitches && has_consent;
-  if (record.is_answered) record.reply_time = answer->received_at - sent_at;
+  if (record.is_answered) {
+    record.reply_time = answer->received_at - sent_at;
+    if (!monitor_.is_ledger_plausible(answer->value.ledger_energy_joule))
+      ++counters_.ledger_excesses;
+  }
 
   // switch: to the command, or to less
   const GuardedForce guarded =

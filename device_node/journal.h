@@ -198,6 +198,12 @@ class JournaledMonitor {
     return covered;
   }
   [[nodiscard]] double joule() const noexcept { return monitor_.joule(); }
+  [[nodiscard]] bool is_account_plausible() const noexcept {
+    return monitor_.is_account_plausible();
+  }
+  [[nodiscard]] bool is_ledger_plausible(double ledger_joule) const noexcept {
+    return monitor_.is_ledger_plausible(ledger_joule);
+  }
   [[nodiscard]] double coverable_joule() const noexcept { return monitor_.coverable_joule(); }
   [[nodiscard]] const ForceMonitor& monitor() const noexcept { return monitor_; }
 

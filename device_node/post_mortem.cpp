@@ -213,7 +213,7 @@ FaultFile read_fault_file(const std::string& file) {
       StateReader words(*entry);
       next.list(words);
       if (!words.is_done() || static_cast<int>(next.kind) >= kJournalKinds ||
-          next.fault > FaultReason::kCheckInterrupted) {
+          next.fault > FaultReason::kAccountWrong) {
         refuse("the entry is not complete");
       }
     } else if (const auto wire = after(line, kWire)) {
@@ -245,6 +245,7 @@ Recomputed recompute_fault(const FaultFile& file) {
   // the last of the calls that judge readings: as computed here, and as the file says
   bool was_good = true;
   bool was_noted_good = true;
+  bool was_plausible = true;  // M, after the last reading
   for (const JournalEntry& entry : file.entries) {
     if (entry.index != index++) {
       out.has_gap = true;
@@ -258,12 +259,15 @@ Recomputed recompute_fault(const FaultFile& file) {
       was_good = is_good;
       was_noted_good = entry.is_good;
     }
+    if (entry.kind == JournalKind::kRead) was_plausible = state.monitor.is_account_plausible();
     if (entry.kind == JournalKind::kFault) {
       out.fault = entry.fault;
       // the check of the motors has a rule of its own for positions that stand still
       out.is_computed = entry.fault == FaultReason::kPositionJumped ||
+                        entry.fault == FaultReason::kAccountWrong ||
                         (entry.fault == FaultReason::kPositionFrozen && !was_noted_good);
-      out.is_reproduced = out.is_computed && !was_good;
+      const bool was_right = entry.fault == FaultReason::kAccountWrong ? was_plausible : was_good;
+      out.is_reproduced = out.is_computed && !was_right;
       was_good = was_noted_good = true;
     }
   }

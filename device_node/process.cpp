@@ -196,12 +196,12 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   publisher.record_to(recorder);
   recorder.append = [&](std::ostream& out) {
     const DeviceCounters now = counters.load();
-    post_mortem.write(out, device->specification().model_name + ", phase " + name(now.phase) +
-                               ", " + std::to_string(now.device_faults) + " faults, last \"" +
-                               name(now.last_fault) + "\", " +
-                               std::to_string(now.monitor_reductions) +
-                               " commands reduced by the monitor" +
-                               (now.is_release_unconfirmed ? ", release unconfirmed" : ""));
+    post_mortem.write(
+        out, device->specification().model_name + ", phase " + name(now.phase) + ", " +
+                 std::to_string(now.device_faults) + " faults, last \"" + name(now.last_fault) +
+                 "\", " + std::to_string(now.monitor_reductions) +
+                 " commands reduced by the monitor, " + std::to_string(now.ledger_excesses) +
+                 " ledgers too high" + (now.is_release_unconfirmed ? ", release unconfirmed" : ""));
   };
   publisher.peers_refused = [&] { return side.refused().total(); };
   publisher.on_pump = [&, phase = DevicePhase::kUnknown](TimePoint now) mutable {

@@ -125,7 +125,9 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
            .is_from_standby = choice_.in_use() == PhysicsRole::kStandby};
   count(*turn_, physics, output, faded.phase);
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
-  return make_command(state, faded.force_newton, lease, now);
+  ForceCommand command = make_command(state, faded.force_newton, lease, now);
+  command.ledger_energy_joule = output.counted_energy_joule;
+  return command;
 }
 
 void MofcNode::finish_turn() noexcept {

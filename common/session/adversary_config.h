@@ -31,6 +31,7 @@ enum class LyingClamp : std::uint8_t {
   kDrift,        ///< as if its ledger drifted: 1 N more force and 1 ms more lease every second
   kMostlyRight,  ///< honest, but for 0.2 s of every 0.5 s: then full force
   kRounding,     ///< all that the monitor covers along the motion last measured, with its rounding
+  kLedger,       ///< honest, but says that it counts 1 J more than it does
 };
 
 struct AdversaryConfig {

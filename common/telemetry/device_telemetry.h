@@ -55,6 +55,7 @@ enum class FaultReason : std::uint8_t {
   kMotorsTooStrong = 12,   ///< the check of the motors: at least 1.5 times as strong as told
   kMotorsNotSeen = 13,     ///< the check of the motors: the readings do not follow the push
   kCheckInterrupted = 14,  ///< the check of the motors: it paused again and again
+  kAccountWrong = 15,      ///< the monitor's account says more than the hand can have put in
 };
 [[nodiscard]] const char* name(FaultReason reason);
 
@@ -120,8 +121,10 @@ struct DeviceCounters {
   std::uint64_t late_switches = 0;
   bool is_monitor_off = false;
   std::uint64_t monitor_reductions = 0;  ///< commands that the monitor reduced, force or lease
-  std::uint64_t too_fast_readings = 0;   ///< certainly faster than the monitor's v_max
-  std::uint64_t coarse_readings = 0;     ///< steps of an encoder coarser than the profile says
+  /// Answers of a clamp that counts on more energy than the hand can have put in.
+  std::uint64_t ledger_excesses = 0;
+  std::uint64_t too_fast_readings = 0;  ///< certainly faster than the monitor's v_max
+  std::uint64_t coarse_readings = 0;    ///< steps of an encoder coarser than the profile says
   /// Friction found by the hands-off check, as a share of the session's profile: 1 where the
   /// profile holds, less where it was lowered; 0: no check.
   double checked_friction_ratio = 0.0;

@@ -53,6 +53,7 @@ EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
       non_finite_commands_(log, spdlog::level::err, "command_not_finite"),
       late_switches_(log, spdlog::level::warn, "switch_late"),
       monitor_reductions_(log, spdlog::level::err, "monitor_reduced"),
+      ledger_excesses_(log, spdlog::level::err, "ledger_too_high"),
       too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
       coarse_readings_(log, spdlog::level::warn, "encoder_coarser_than_profile"),
       frozen_(log, spdlog::level::warn, "position_stands_still"),
@@ -84,6 +85,7 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   non_finite_commands_.note(counters.non_finite_commands, now);
   late_switches_.note(counters.late_switches, now);
   monitor_reductions_.note(counters.monitor_reductions, now);
+  ledger_excesses_.note(counters.ledger_excesses, now);
   too_fast_.note(counters.too_fast_readings, now);
   coarse_readings_.note(counters.coarse_readings, now);
   frozen_.note(counters.frozen_ticks, now);

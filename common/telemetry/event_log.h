@@ -77,6 +77,7 @@ class EventLog<DeviceCounters> {
   GrowthEvent non_finite_commands_;
   GrowthEvent late_switches_;
   GrowthEvent monitor_reductions_;
+  GrowthEvent ledger_excesses_;
   GrowthEvent too_fast_;
   GrowthEvent coarse_readings_;
   GrowthEvent frozen_;

@@ -27,10 +27,10 @@ inline constexpr std::size_t kFlightRecorderTicks = 4096;
 [[nodiscard]] inline std::uint64_t faults(const MofcCounters&) { return 0; }
 [[nodiscard]] inline std::uint64_t faults(const PhysicsCounters&) { return 0; }
 
-/// What is worth a file without being a fault: commands that the monitor reduced, or that were not
-/// finite.
+/// What is worth a file without being a fault: commands that the monitor reduced, that were not
+/// finite, or whose clamp counts on too much.
 [[nodiscard]] inline std::uint64_t incidents(const DeviceCounters& c) {
-  return c.monitor_reductions + c.non_finite_commands;
+  return c.monitor_reductions + c.non_finite_commands + c.ledger_excesses;
 }
 [[nodiscard]] inline std::uint64_t incidents(const MofcCounters&) { return 0; }
 [[nodiscard]] inline std::uint64_t incidents(const PhysicsCounters&) { return 0; }

@@ -194,6 +194,7 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["largest_jump_n"] = number_or_null(report.device.largest_jump_newton);
   json["monitor"] = report.device.is_monitor_off ? "off" : "on";
   json["monitor_reductions"] = report.device.monitor_reductions;
+  json["ledger_excesses"] = report.device.ledger_excesses;
   json["has_motor_watchdog"] = !report.device.has_no_motor_watchdog;
   json["accepts_no_motor_watchdog"] = report.device.accepts_no_motor_watchdog;
   json["velocity_reversals"] = {{"x", reversals[0]}, {"y", reversals[1]}, {"z", reversals[2]}};
@@ -228,6 +229,9 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
 std::string monitor_text(const DeviceCounters& device) {
   if (device.is_monitor_off) return "off";
   std::string text = fmt::format("on, {} commands reduced", device.monitor_reductions);
+  if (device.ledger_excesses > 0) {
+    text += fmt::format(", the clamp's ledger too high in {} answers", device.ledger_excesses);
+  }
   if (device.checked_friction_ratio > 0.0 && device.checked_friction_ratio < 1.0) {
     text += fmt::format(", friction lowered to {:.0f} % of the profile",
                         100.0 * device.checked_friction_ratio);

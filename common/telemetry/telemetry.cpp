@@ -73,6 +73,8 @@ const char* name(FaultReason reason) {
       return "motors not seen to push";
     case FaultReason::kCheckInterrupted:
       return "check of the motors interrupted";
+    case FaultReason::kAccountWrong:
+      return "account of the energy is wrong";
   }
   return "?";
 }

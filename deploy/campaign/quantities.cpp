@@ -46,6 +46,8 @@ constexpr Quantity kQuantities[] = {
      [](const RunReport& r, const Side&) { return answered_ratio(r.device); }},
     {"monitor_reductions", "commands that the monitor reduced", false,
      [](const RunReport& r, const Side&) { return count(r.device.monitor_reductions); }},
+    {"ledger_excesses", "answers of a clamp that counts on more energy than can be", false,
+     [](const RunReport& r, const Side&) { return count(r.device.ledger_excesses); }},
     {"top_speed_m_per_s", "greatest true speed of the hand at the ticks [m/s]", false, top_speed},
     {"speed_ratio", "the same over v_max of mode guard; above 1 the guarantee does not apply",
      false,

@@ -245,6 +245,9 @@ void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
       return;
     case LyingClamp::kRounding:
       return spend_all(state, command);
+    case LyingClamp::kLedger:
+      command.ledger_energy_joule += 1.0;
+      return;
   }
 }
 

@@ -69,6 +69,7 @@ double WorstHand::largest_scale(const Vector3& force_newton, double watt) const 
 
 void ForceMonitor::read(TimePoint at, const Vector3& position_m,
                         const ReadingDetails& details) noexcept {
+  bound_.read(at, position_m, details.acting_newton);
   settle(at, position_m, details);
   if (details.acting_newton) acts(*details.acting_newton);
   covered_watt_ = kUncovered;
@@ -78,11 +79,15 @@ void ForceMonitor::read(TimePoint at, const Vector3& position_m,
   if (rest_s > 0.0) credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
 }
 
-void ForceMonitor::ended(const Vector3& position_m) noexcept { settle(first_end_, position_m, {}); }
+void ForceMonitor::ended(const Vector3& position_m) noexcept {
+  bound_.ended(position_m);
+  settle(first_end_, position_m, {});
+}
 
 void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
                             const Vector3& force_on_hand_newton, Duration lease,
                             const ReadingDetails& details) noexcept {
+  bound_.switched(at, position_m, force_on_hand_newton, lease);
   const double expected_skew_s = skew_s_;
   settle(at, position_m, details);
   // more than was covered: motors that round up, a transfer that took longer than the one before
@@ -108,11 +113,13 @@ void ForceMonitor::failed(const Vector3& force_on_hand_newton) noexcept {
 }
 
 void ForceMonitor::released(TimePoint at) noexcept {
+  bound_.released(at);
   first_end_ = std::min(first_end_, at);
   last_end_ = std::min(last_end_, at);
 }
 
 void ForceMonitor::lost() noexcept {
+  bound_.lost();
   is_lost_ = true;
   if (ends_.are_by_themselves || last_end_ <= since_) return;
   // the lease of each command is paid; beyond that the force went on until its release

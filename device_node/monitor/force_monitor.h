@@ -11,6 +11,7 @@
 #include "common/core/vector.h"
 #include "common/session/device_config.h"
 #include "device_node/monitor/energy_account.h"
+#include "device_node/monitor/work_bound.h"
 
 namespace palpate::device {
 
@@ -88,13 +89,15 @@ struct ReadingDetails {
 /// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F),
 /// so M falls by no more, whatever the readings' resolution adds to an account (lemma:
 /// late_switch); a reading that only a hand faster than v_max can have made has no floor. One
-/// account lasts; the other one, while no force acts, begins anew at M if it has fallen below. One
-/// thread, no allocation, no throw.
+/// account lasts; the other one, while no force acts, begins anew at M if it has fallen below.
+/// WorkBound, which counts in another way, judges M and the clamp's ledger. One thread, no
+/// allocation, no throw.
 class ForceMonitor {
  public:
   explicit ForceMonitor(const DeviceConfig& config, const MotorEnds& ends = {}) noexcept
       : lasting_(config.profile, v_skew(config)),
         recent_(config.profile, v_skew(config)),
+        bound_(config, ends.are_by_themselves),
         resolution_m_(config.profile.position_resolution_m),
         worst_hand_(config.profile, config.monitor.v_max_m_per_s),
         most_newton_(config.peak_force_newton),
@@ -134,11 +137,22 @@ class ForceMonitor {
   /// What of it covers leases: all but what the skew may cost [J].
   [[nodiscard]] double coverable_joule() const noexcept;
 
+  /// M is at most what the hand can have put in. False: the account, or the memory that holds it,
+  /// is wrong.
+  [[nodiscard]] bool is_account_plausible() const noexcept {
+    return joule() <= bound_.joule() + kToleranceJoule;
+  }
+  /// Whether a clamp may count on so much at the last read(). NaN: it counts on nothing.
+  [[nodiscard]] bool is_ledger_plausible(double ledger_joule) const noexcept {
+    return !(ledger_joule > bound_.account_at_most_joule() + kToleranceJoule);
+  }
+
   /// Every member, to be written to a file or read from one: state_text.h.
   template <class Archive>
   void list(Archive& archive) {
     lasting_.list(archive);
     recent_.list(archive);
+    bound_.list(archive);
     archive(floor_joule_);
     archive(resolution_m_);
     worst_hand_.list(archive);
@@ -160,6 +174,7 @@ class ForceMonitor {
 
  private:
   static constexpr double kUncovered = std::numeric_limits<double>::infinity();
+  static constexpr double kToleranceJoule = 1e-6;
 
   /// Of a mode without v_max a hand that device_node takes for a fault.
   [[nodiscard]] static double v_skew(const DeviceConfig& config) noexcept {
@@ -171,6 +186,7 @@ class ForceMonitor {
 
   EnergyAccount lasting_;
   EnergyAccount recent_;
+  WorkBound bound_;
   double floor_joule_ = 0.0;
   double resolution_m_;
   WorstHand worst_hand_;

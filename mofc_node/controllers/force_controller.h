@@ -82,6 +82,9 @@ struct ControlOutput {
   Vector3 f_max_newton = Vector3::Zero();
   /// E′, the sum of all pools; not more than the input's energy_limit_joule.
   double ledger_energy_joule = 0.0;
+  /// A lower bound of what the hand has put in, whatever energy_limit_joule says; NaN: none is
+  /// kept.
+  double counted_energy_joule = std::numeric_limits<double>::quiet_NaN();
   /// Longest time for which F may act; 0: the controller leaves it to the caller.
   double lease_s = 0.0;
   bool is_clamped = false;   ///< F differs from the requested F_e

@@ -105,6 +105,7 @@ ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const no
   ControlOutput output = clamp_.clamp(input.requested_force_on_hand_newton,
                                       (energy - spent) * (p_.mofc.T / covered_s), gate);
   output.ledger_energy_joule = energy;
+  output.counted_energy_joule = ledger_.energy_joule();
 
   // for as long as it is paid
   const double drain = clamp_.drain_watt(output.force_on_hand_newton);

@@ -87,6 +87,7 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.answers_sampled_at = random_time(random);
   m.force_on_hand_newton = random_vector(random, 1000.0);
   m.valid_for = random_duration(random);
+  m.ledger_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
 }
 
 inline Wave random_wave(Random& random) {
@@ -270,6 +271,7 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.late_switches = random.bits();
   c.is_monitor_off = random.chance(0.5);
   c.monitor_reductions = random.bits();
+  c.ledger_excesses = random.bits();
   c.too_fast_readings = random.bits();
   c.coarse_readings = random.bits();
   c.checked_friction_ratio = random.uniform(0.0, 1.0);
@@ -509,7 +511,8 @@ inline bool same(const DeviceState& a, const DeviceState& b) {
 inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
          a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
-         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for;
+         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
+         same(a.ledger_energy_joule, b.ledger_energy_joule);
 }
 inline bool same(const Wave& a, const Wave& b) {
   return a.stream == b.stream && same(a.sum, b.sum) && a.energy_joule == b.energy_joule &&
@@ -718,7 +721,7 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.fault_ticks == b.fault_ticks && a.fault_resets == b.fault_resets &&
          a.last_fault == b.last_fault && a.non_finite_commands == b.non_finite_commands &&
          a.late_switches == b.late_switches && a.is_monitor_off == b.is_monitor_off &&
-         a.monitor_reductions == b.monitor_reductions &&
+         a.monitor_reductions == b.monitor_reductions && a.ledger_excesses == b.ledger_excesses &&
          a.too_fast_readings == b.too_fast_readings && a.coarse_readings == b.coarse_readings &&
          same(a.checked_friction_ratio, b.checked_friction_ratio) &&
          a.has_no_motor_watchdog == b.has_no_motor_watchdog &&

@@ -151,6 +151,9 @@ void add_device(Page& page, const DeviceCounters& c) {
              c.is_monitor_off ? 0.0 : 1.0);
   page.counter("device_monitor_reductions", "Commands that the monitor of the energy reduced.",
                {{"", c.monitor_reductions}});
+  page.counter("device_ledger_excesses",
+               "Answers of a clamp that counts on more energy than the hand can have put in.",
+               {{"", c.ledger_excesses}});
   page.counter("device_assumption_violations",
                "Readings that contradict an assumption of the guarantee.",
                {{label("assumption", "hand_speed"), c.too_fast_readings},

@@ -45,8 +45,9 @@ void for_each_count(DeviceCounters& a, const DeviceCounters& b, const DeviceCoun
         &DeviceCounters::peak_limited_ticks, &DeviceCounters::fault_ticks,
         &DeviceCounters::device_faults, &DeviceCounters::fault_resets,
         &DeviceCounters::non_finite_commands, &DeviceCounters::late_switches,
-        &DeviceCounters::monitor_reductions, &DeviceCounters::too_fast_readings,
-        &DeviceCounters::coarse_readings, &DeviceCounters::dead_man_ticks}) {
+        &DeviceCounters::monitor_reductions, &DeviceCounters::ledger_excesses,
+        &DeviceCounters::too_fast_readings, &DeviceCounters::coarse_readings,
+        &DeviceCounters::dead_man_ticks}) {
     visit(a.*field, b.*field, c.*field);
   }
 }
@@ -234,6 +235,7 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["largest_jump_n"] = figures.largest_jump_newton;
   json["monitor"] = device.is_monitor_off ? "off" : "on";
   json["monitor_reductions"] = device.monitor_reductions;
+  json["ledger_excesses"] = device.ledger_excesses;
   json["has_motor_watchdog"] = !device.has_no_motor_watchdog;
   json["accepts_no_motor_watchdog"] = device.accepts_no_motor_watchdog;
   json["clamped_ticks"] = mofc.clamped_ticks;

@@ -61,6 +61,7 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_dead_man_ticks(c.dead_man_ticks);
   to.set_checked_motor_gain(c.checked_motor_gain);
   to.set_frozen_ticks(c.frozen_ticks);
+  to.set_ledger_excesses(c.ledger_excesses);
   to.set_phase(static_cast<std::uint32_t>(c.phase));
   to.set_is_release_unconfirmed(c.is_release_unconfirmed);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
@@ -74,7 +75,7 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
   verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kChecking));
-  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kCheckInterrupted));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kAccountWrong));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
   verdict.finite(c.checked_friction_ratio());
@@ -97,6 +98,7 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .late_switches = c.late_switches(),
           .is_monitor_off = c.is_monitor_off(),
           .monitor_reductions = c.monitor_reductions(),
+          .ledger_excesses = c.ledger_excesses(),
           .too_fast_readings = c.too_fast_readings(),
           .coarse_readings = c.coarse_readings(),
           .checked_friction_ratio = c.checked_friction_ratio(),

@@ -110,8 +110,8 @@ std::optional<Cause> Causes::disturbance() const {
   if (auto cause =
           found({"device_fault", "device_restarted", "mofc_restarted", "physics_restarted",
                  "physics_silent", "physics_slow", "elastic_failed", "elastic_late", "path_jumps",
-                 "hand_too_fast", "encoder_coarse", "monitor_reduced", "dead_man_button",
-                 "position_frozen", "ticks_unanswered", "ticks_skipped"})) {
+                 "hand_too_fast", "encoder_coarse", "monitor_reduced", "ledger_too_high",
+                 "dead_man_button", "position_frozen", "ticks_unanswered", "ticks_skipped"})) {
     return cause;
   }
   if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);

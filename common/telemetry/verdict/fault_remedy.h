@@ -36,6 +36,9 @@ namespace palpate {
     case FaultReason::kCheckInterrupted:
       return "the ticks pause too often: `palpate doctor` checks the machine; then reset the fault "
              "(SIGUSR2)";
+    case FaultReason::kAccountWrong:
+      return "a fault of device_node itself: keep the flight recording (`palpate report FILE`) and "
+             "report it";
     case FaultReason::kNone:
       break;
   }

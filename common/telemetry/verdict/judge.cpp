@@ -36,6 +36,7 @@ class Judge {
     judge_physics();
     judge_hand();
     judge_monitor();
+    judge_ledger();
     judge_ticks();
     judge_energy();
     judge_limits();
@@ -247,6 +248,18 @@ class Judge {
                      "does not hold",
                      f_.v_max_m_per_s, too_fast),
          "move more slowly, or raise mofc.guard_settings.v_max_m_per_s"});
+  }
+
+  void judge_ledger() {
+    const std::uint64_t excesses = f_.device.ledger_excesses;
+    if (excesses == 0) return;
+    add({ratio(excesses, ticks()) >= kFairRatio ? Grade::kBad : Grade::kFair, "ledger_too_high",
+         fmt::format(
+             "the clamp counted on more energy than the hand can have put in, in {} answers",
+             excesses),
+         f_.clamp_faults.empty()
+             ? "the clamp and the device disagree: check device.profile (`palpate identify`)"
+             : Causes::simulated("", f_.clamp_faults).remedy});
   }
 
   void judge_monitor() {

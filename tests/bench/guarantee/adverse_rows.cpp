@@ -69,6 +69,7 @@ void Summary::add(const test::AdverseResult& result) {
   top_speed_m_per_s = std::max(top_speed_m_per_s, result.top_speed_m_per_s);
   too_fast_ticks += result.mofc.too_fast_ticks;
   monitor_reductions += result.device.monitor_reductions;
+  ledger_excesses += result.device.ledger_excesses;
   add_mean(s.vector_transparency(), transparency_sum, transparency_runs);
   add_mean(s.clamp_ratio(), clamped_sum, clamped_runs);
 }

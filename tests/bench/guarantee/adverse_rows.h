@@ -56,6 +56,7 @@ struct Summary {
   double top_speed_m_per_s = 0.0;
   std::uint64_t too_fast_ticks = 0;
   std::uint64_t monitor_reductions = 0;
+  std::uint64_t ledger_excesses = 0;
   double transparency_sum = 0.0;
   int transparency_runs = 0;
   double clamped_sum = 0.0;

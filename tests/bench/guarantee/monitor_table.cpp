@@ -32,7 +32,8 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides, c
                        {"full force, a third NaN", "full_force_not_a_number"},
                        {"ledger that drifts", "drift"},
                        {"full force 0.2 s of every 0.5 s", "mostly_right"},
-                       {"all that is covered, and the rounding", "rounding"}};
+                       {"all that is covered, and the rounding", "rounding"},
+                       {"honest force, a ledger of 1 J more", "lying_ledger"}};
   std::vector<AdverseRow> rows;
   const auto add = [&](const std::string& label, const Friction& friction, double profile_ratio,
                        const char* protection, AdverseRun run) {
@@ -65,10 +66,12 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides, c
   run_rows(rows, seeds, shard);
   return table_of(rows, "case", {{"protection", "beside the clamp", ""}},
                   {{"transparency_percent", "transp. %", "{:.2f}"},
-                   {"monitor_reductions", "reduced", "{:.0f}"}},
+                   {"monitor_reductions", "reduced", "{:.0f}"},
+                   {"ledger_excesses", "ledger too high", "{:.0f}"}},
                   [](const AdverseRow& row) -> std::vector<Table::Cell> {
                     return {row.summary.transparency_percent(),
-                            static_cast<double>(row.summary.monitor_reductions)};
+                            static_cast<double>(row.summary.monitor_reductions),
+                            static_cast<double>(row.summary.ledger_excesses)};
                   });
 }
 

@@ -245,9 +245,10 @@ TEST_F(RecordingTools, ADamagedRecordingIsSaidToBeDamaged) {
 TEST_F(RecordingTools, OneRunHasOneSetOfFigures) {
   const json run = json::parse(text_of(path("run.json")));
   const json recorded = info("run.mcap")["figures"];
-  for (const char* key : {"controller", "ticks", "min_true_energy_j", "max_force_n",
-                          "largest_jump_n", "monitor", "monitor_reductions", "answered_ratio",
-                          "motions_suppressed", "interactions_suppressed", "fallbacks"}) {
+  for (const char* key :
+       {"controller", "ticks", "min_true_energy_j", "max_force_n", "largest_jump_n", "monitor",
+        "monitor_reductions", "ledger_excesses", "answered_ratio", "motions_suppressed",
+        "interactions_suppressed", "fallbacks"}) {
     EXPECT_EQ(run[key], recorded[key]) << key;
   }
   // what the loopback counts otherwise has another name

@@ -325,6 +325,7 @@ TEST(SummaryJson, HasTheKeysThatAreDocumented) {
                           "largest_jump_n",
                           "monitor",
                           "monitor_reductions",
+                          "ledger_excesses",
                           "has_motor_watchdog",
                           "accepts_no_motor_watchdog",
                           "velocity_reversals",

@@ -227,6 +227,14 @@ inline std::vector<VerdictCase> verdict_cases() {
        "bad",
        [](TroubledRun& run) { run.device.monitor_reductions = 3'000; },
        {"adversary.clamp=full_force"}},
+      {"a ledger that counts too much", "ledger_too_high", "device.profile", "fair",
+       [](TroubledRun& run) { run.device.ledger_excesses = 7; }},
+      {"a clamp that lies about its ledger",
+       "ledger_too_high",
+       "adversary.clamp",
+       "bad",
+       [](TroubledRun& run) { run.device.ledger_excesses = 9'000; },
+       {"adversary.clamp=lying_ledger"}},
       {"less friction than the profile claims", "monitor_reduced", "40 %", "fair",
        [](TroubledRun& run) {
          run.device.checked_friction_ratio = 0.4;

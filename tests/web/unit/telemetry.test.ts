@@ -19,7 +19,7 @@ function device(sequence: number, first: number, rows: number, more: Partial<Dev
       loop: { ticks: BigInt(first + rows), skippedTicks: 0n, worstLatenessNs: 0n }, forceCommand: link,
       answeredTicks: 0n, leasedTicks: 0n, fallbackTicks: 0n, limpTicks: 0n, peakLimitedTicks: 0n, faultTicks: 0n,
       lastFault: 0, maxForceNewton: 0, minimumTrueEnergyJoule: NaN, nonFiniteCommands: 0n,
-      isMonitorOff: false, monitorReductions: 0n, hasNoMotorWatchdog: false, acceptsNoMotorWatchdog: false, deadManTicks: 0n,
+      isMonitorOff: false, monitorReductions: 0n, ledgerExcesses: 0n, hasNoMotorWatchdog: false, acceptsNoMotorWatchdog: false, deadManTicks: 0n,
     },
     recordsLost: 0n,
     sampledAtNs: Array.from({ length: rows }, (_, i) => BigInt(first + i) * 1000000n + 5000000000n),

@@ -288,8 +288,9 @@ export class Counters {
       this.set("limp", count_words(device.limpTicks));
       this.set("skipped", count_words(device.loop.skippedTicks));
       this.set("lateness", time_words(1e-9 * Number(device.loop.worstLatenessNs)));
-      this.set("monitor", device.isMonitorOff ? "off" : `${count_words(device.monitorReductions)} reduced`,
-        device.isMonitorOff || device.monitorReductions > 0n);
+      const ledger = device.ledgerExcesses > 0n ? `, ledger too high: ${count_words(device.ledgerExcesses)}` : "";
+      this.set("monitor", device.isMonitorOff ? `off${ledger}` : `${count_words(device.monitorReductions)} reduced${ledger}`,
+        device.isMonitorOff || device.monitorReductions > 0n || device.ledgerExcesses > 0n);
       this.set("watchdog", !device.hasNoMotorWatchdog ? "yes" : device.acceptsNoMotorWatchdog ? "none, accepted" : "none, at most f_co", device.hasNoMotorWatchdog);
       this.set("dead_man", count_words(device.deadManTicks));
       this.set("peak", count_words(device.peakLimitedTicks));

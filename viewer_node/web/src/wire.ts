@@ -48,6 +48,7 @@ export interface DeviceTelemetry {
     nonFiniteCommands: bigint;
     isMonitorOff: boolean;
     monitorReductions: bigint;
+    ledgerExcesses: bigint;
     hasNoMotorWatchdog: boolean;
     acceptsNoMotorWatchdog: boolean;
     deadManTicks: bigint;
