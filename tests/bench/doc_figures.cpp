@@ -459,10 +459,10 @@ std::string monitor_table(const std::vector<json>& outputs) {
     rows.push_back({text(without, "case"), text(without, "friction"), negative(without),
                     energy(number(without.at("min_true_energy_uj"))), text(with, "protection"),
                     negative(with), energy(number(with.at("min_true_energy_uj"))),
-                    fixed(with, "monitor_reductions", 0)});
+                    fixed(with, "monitor_reductions", 0), fixed(with, "ledger_excesses", 0)});
   }
   return markdown({"case", "friction", "without: below −1 µJ", "least true energy", "with",
-                   "below −1 µJ", "least true energy", "commands reduced"},
+                   "below −1 µJ", "least true energy", "commands reduced", "ledgers too high"},
                   rows);
 }
 
