@@ -191,7 +191,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
       answer != nullptr && now <= deadline && slow_switches_ < kSlowSwitches && has_consent;
   if (record.is_answered) {
     record.reply_time = answer->received_at - sent_at;
-    if (!monitor_.is_ledger_plausible(answer->value.ledger_energy_joule))
+    if (!monitor_.is_ledger_plausible(answer->value.counted_energy_joule))
       ++counters_.ledger_excesses;
   }
 

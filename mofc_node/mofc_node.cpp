@@ -126,7 +126,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   count(*turn_, physics, output, faded.phase);
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
   ForceCommand command = make_command(state, faded.force_newton, lease, now);
-  command.ledger_energy_joule = output.counted_energy_joule;
+  command.counted_energy_joule = output.counted_energy_joule;
   return command;
 }
 

@@ -79,7 +79,7 @@ struct ForceCommand {
   Duration valid_for{};  ///< the lease: the longest time for which this force may be applied
   /// What the clamp counts of the energy that the hand has put in, before it regards
   /// monitor_energy_joule; NaN: it keeps no lower bound of it.
-  double ledger_energy_joule = std::numeric_limits<double>::quiet_NaN();
+  double counted_energy_joule = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Hop 2, mofc → physics.

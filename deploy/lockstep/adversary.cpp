@@ -246,7 +246,7 @@ void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
     case LyingClamp::kRounding:
       return spend_all(state, command);
     case LyingClamp::kLedger:
-      command.ledger_energy_joule += 1.0;
+      command.counted_energy_joule += 1.0;
       return;
   }
 }

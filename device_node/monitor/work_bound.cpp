@@ -77,7 +77,7 @@ void WorkBound::lost() noexcept { has_begun_ = false; }
 
 double WorkBound::joule() const noexcept {
   if (is_unknown_) return std::numeric_limits<double>::infinity();
-  return static_cast<double>(joules_) + 1e-15 * static_cast<double>(femtojoules_);
+  return energy_.joule();
 }
 
 void WorkBound::settle(TimePoint at, const Vector3& position_m) noexcept {
@@ -88,15 +88,13 @@ void WorkBound::settle(TimePoint at, const Vector3& position_m) noexcept {
     witness_nm_ = position_nm;
     force_un_ = {};
     since_ = at;
-    joules_ = femtojoules_ = 0;
+    energy_ = {};
     least_joule_ = 0.0;
     return;
   }
   if (at <= since_) return;
   if (end_ <= since_) force_un_ = {};
-  const double before_joule = joule();
-  const std::int64_t before_joules = joules_;
-  const std::int64_t before_femtojoules = femtojoules_;
+  const WholeEnergy before = energy_;
   const double duration_s = to_seconds(at - since_);
   const bool is_whole = at <= end_;
   const double share = is_whole ? 1.0 : to_seconds(end_ - since_) / duration_s;
@@ -106,24 +104,22 @@ void WorkBound::settle(TimePoint at, const Vector3& position_m) noexcept {
     // while the force acted; rounded by at most 1 nm, and the force by at most 1 µN
     const std::int64_t under_force_nm =
         is_whole ? moved_nm[i] : std::llround(share * static_cast<double>(moved_nm[i]));
-    add(std::abs(moved_nm[i]) - force_un_[i] * under_force_nm);
-    if (!is_whole) add(std::abs(force_un_[i]));
+    energy_.add(std::abs(moved_nm[i]) - force_un_[i] * under_force_nm);
+    if (!is_whole) energy_.add(std::abs(force_un_[i]));
   }
-  add(friction_fj(moved_nm, duration_s));
+  energy_.add(friction_fj(moved_nm, duration_s));
   since_ = at;
   // what a hand of any speed did after the lease is not known: the accounts go on without it
   if (lease_end_ >= at || std::isfinite(v_max_m_per_s_)) return;
-  if (joule() < std::min(before_joule, 0.0)) {
-    joules_ = before_joule < 0.0 ? before_joules : 0;
-    femtojoules_ = before_joule < 0.0 ? before_femtojoules : 0;
-  }
+  const WholeEnergy kept = before.joule() < 0.0 ? before : WholeEnergy{};
+  if (energy_.joule() < kept.joule()) energy_ = kept;
 }
 
 /// Rounding of the witness's positions costs at most 1 nm times each change.
 void WorkBound::acts(const Vector3& force_newton) noexcept {
   Whole force_un{};
   if (!to_whole(force_newton, kMicronewtons, kMost_un, force_un)) return;
-  for (std::size_t i = 0; i < 3; ++i) add(std::abs(force_un[i] - force_un_[i]));
+  for (std::size_t i = 0; i < 3; ++i) energy_.add(std::abs(force_un[i] - force_un_[i]));
   force_un_ = force_un;
 }
 
@@ -171,10 +167,10 @@ std::int64_t WorkBound::friction_fj(const Whole& moved_nm, double duration_s) co
   return whole_above(sum, kMost_fj);
 }
 
-void WorkBound::add(std::int64_t femtojoule) noexcept {
-  femtojoules_ += femtojoule;
-  joules_ += femtojoules_ / kFemtojoulesPerJoule;
-  femtojoules_ %= kFemtojoulesPerJoule;
+void WorkBound::WholeEnergy::add(std::int64_t femtojoule) noexcept {
+  femtojoules += femtojoule;
+  joules += femtojoules / kFemtojoulesPerJoule;
+  femtojoules %= kFemtojoulesPerJoule;
 }
 
 }  // namespace palpate::device

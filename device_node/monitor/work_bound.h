@@ -63,8 +63,8 @@ class WorkBound {
     archive(since_);
     archive(lease_end_);
     archive(end_);
-    archive(joules_);
-    archive(femtojoules_);
+    archive(energy_.joules);
+    archive(energy_.femtojoules);
     archive(least_joule_);
     archive(at_most_joule_);
   }
@@ -72,13 +72,22 @@ class WorkBound {
  private:
   using Whole = std::array<std::int64_t, 3>;
 
+  struct WholeEnergy {
+    std::int64_t joules = 0;
+    std::int64_t femtojoules = 0;  ///< what is left, either sign
+
+    void add(std::int64_t femtojoule) noexcept;
+    [[nodiscard]] double joule() const noexcept {
+      return static_cast<double>(joules) + 1e-15 * static_cast<double>(femtojoules);
+    }
+  };
+
   void settle(TimePoint at, const Vector3& position_m) noexcept;
   void acts(const Vector3& force_newton) noexcept;
   [[nodiscard]] bool to_whole(const Vector3& vector, double per_unit, double most,
                               Whole& whole) noexcept;
   [[nodiscard]] Whole follow(const Whole& position_nm) noexcept;
   [[nodiscard]] std::int64_t friction_fj(const Whole& moved_nm, double duration_s) const noexcept;
-  void add(std::int64_t femtojoule) noexcept;
 
   bool ends_by_themselves_;
   std::int64_t half_width_nm_;
@@ -94,8 +103,7 @@ class WorkBound {
   TimePoint end_{};  // of the force
   Whole force_un_{};
   Whole witness_nm_{};
-  std::int64_t joules_ = 0;       // whole ones, and
-  std::int64_t femtojoules_ = 0;  // what is left, either sign
+  WholeEnergy energy_;
   double least_joule_ = 0.0;
   double at_most_joule_ = 0.0;
 };

@@ -117,10 +117,10 @@ struct WireFormat<ForceCommand> {
               *wire.mutable_answers());
     put(m.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
     wire.set_valid_for_ns(m.valid_for.count());
-    if (std::isfinite(m.ledger_energy_joule)) {
-      wire.set_ledger_energy_joule(m.ledger_energy_joule);
+    if (std::isfinite(m.counted_energy_joule)) {
+      wire.set_counted_energy_joule(m.counted_energy_joule);
     } else {
-      wire.clear_ledger_energy_joule();
+      wire.clear_counted_energy_joule();
     }
   }
 
@@ -129,7 +129,7 @@ struct WireFormat<ForceCommand> {
     verdict.vector(wire.has_force_on_hand_newton(), wire.force_on_hand_newton(),
                    kMaxForceOnHandNewton);
     verdict.expect(wire.valid_for_ns() >= 0 && wire.valid_for_ns() <= kMaxLeaseNs);
-    verdict.finite(wire.ledger_energy_joule());
+    verdict.finite(wire.counted_energy_joule());
   }
 
   static void read(const v1::ForceCommand& wire, ForceCommand& m) {
@@ -138,9 +138,9 @@ struct WireFormat<ForceCommand> {
     m.answers_sampled_at = time(wire.answers().sampled_at_ns());
     m.force_on_hand_newton = vector(wire.force_on_hand_newton());
     m.valid_for = Duration(wire.valid_for_ns());
-    m.ledger_energy_joule = wire.has_ledger_energy_joule()
-                                ? wire.ledger_energy_joule()
-                                : std::numeric_limits<double>::quiet_NaN();
+    m.counted_energy_joule = wire.has_counted_energy_joule()
+                                 ? wire.counted_energy_joule()
+                                 : std::numeric_limits<double>::quiet_NaN();
   }
 };
 template class Codec<ForceCommand>;

@@ -250,6 +250,21 @@ class Judge {
          "move more slowly, or raise mofc.guard_settings.v_max_m_per_s"});
   }
 
+  /// Where the clamp grants, or counts on, more than the device has seen.
+  [[nodiscard]] std::string disagreement_remedy() const {
+    const double friction = f_.device.checked_friction_ratio;
+    if (!f_.clamp_faults.empty()) return Causes::simulated("", f_.clamp_faults).remedy;
+    if (!f_.is_limited) {
+      return "the controller `" + f_.controller +
+             "` does not limit itself; use mofc, or mofc.safety_net=true";
+    }
+    if (friction > 0.0 && friction < 1.0) {
+      return fmt::format("the device has {} of the friction of its profile: `palpate identify`",
+                         percent(friction));
+    }
+    return "the clamp and the device disagree: check device.profile (`palpate identify`)";
+  }
+
   void judge_ledger() {
     const std::uint64_t excesses = f_.device.ledger_excesses;
     if (excesses == 0) return;
@@ -257,29 +272,16 @@ class Judge {
          fmt::format(
              "the clamp counted on more energy than the hand can have put in, in {} answers",
              excesses),
-         f_.clamp_faults.empty()
-             ? "the clamp and the device disagree: check device.profile (`palpate identify`)"
-             : Causes::simulated("", f_.clamp_faults).remedy});
+         disagreement_remedy()});
   }
 
   void judge_monitor() {
     const DeviceCounters& device = f_.device;
     if (device.monitor_reductions == 0) return;
     const double share = ratio(device.monitor_reductions, ticks());
-    std::string remedy =
-        "the clamp and the device disagree: check device.profile (`palpate identify`)";
-    if (!f_.clamp_faults.empty()) {
-      remedy = Causes::simulated("", f_.clamp_faults).remedy;
-    } else if (!f_.is_limited) {
-      remedy = "the controller `" + f_.controller +
-               "` does not limit itself; use mofc, or mofc.safety_net=true";
-    } else if (device.checked_friction_ratio > 0.0 && device.checked_friction_ratio < 1.0) {
-      remedy = fmt::format("the device has {} of the friction of its profile: `palpate identify`",
-                           percent(device.checked_friction_ratio));
-    }
     add({share >= kFairRatio ? Grade::kBad : Grade::kFair, "monitor_reduced",
          fmt::format("the monitor on the device reduced {} commands", device.monitor_reductions),
-         std::move(remedy)});
+         disagreement_remedy()});
   }
 
   void judge_ticks() {

@@ -312,9 +312,9 @@ TYPED_TEST(CodecOf, RefusesNaNAndInfinityExceptWhereDocumented) {
           const bool is_unknown_contact =
               std::is_same_v<TypeParam, PhysicsBatch> &&
               (path == "penetration_m" || path == "stiffness_newton_per_m");
-          const bool is_allowed = path == "f_max_newton" ||
-                                  (std::isnan(bad) && !std::is_same_v<TypeParam, ForceCommand> &&
-                                   (is_unknown_contact || ends_with_one_of(path, may_be_nan)));
+          const bool is_allowed =
+              path == "f_max_newton" ||
+              (std::isnan(bad) && (is_unknown_contact || ends_with_one_of(path, may_be_nan)));
           if (is_allowed) {
             TypeParam message;
             EXPECT_STREQ(name(decoded(frame, message)), "none");

@@ -235,6 +235,11 @@ inline std::vector<VerdictCase> verdict_cases() {
        "bad",
        [](TroubledRun& run) { run.device.ledger_excesses = 9'000; },
        {"adversary.clamp=lying_ledger"}},
+      {"a ledger that counts on friction that is not there", "ledger_too_high", "40 %", "fair",
+       [](TroubledRun& run) {
+         run.device.checked_friction_ratio = 0.4;
+         run.device.ledger_excesses = 7;
+       }},
       {"less friction than the profile claims", "monitor_reduced", "40 %", "fair",
        [](TroubledRun& run) {
          run.device.checked_friction_ratio = 0.4;
