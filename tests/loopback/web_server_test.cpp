@@ -300,43 +300,58 @@ TEST(WebServerLink, AMessageCostsTheServerNoMoreForThoseWhoDoNotSubscribe) {
   CPU_ZERO(&one);
   CPU_SET(static_cast<std::size_t>(sched_getcpu()), &one);
   ASSERT_EQ(sched_setaffinity(0, sizeof(one), &one), 0);
-  /// Processor time of 400 messages to one client, the others silent.
-  const auto cost_with = [&](int others) {
-    WebServer server({.port = 0, .audience = 2000}, description);
-    const auto join = [&](int channel) {
-      auto client = std::make_unique<WebClient>(server.port());
+  constexpr std::size_t kOthers = 1900;
+  /// A server of one client that reads and `others` that are silent.
+  class Watched {
+   public:
+    Watched(const ServerDescription& description, std::size_t others)
+        : server_({.port = 0, .audience = 2000}, description), reader_(join(1)) {
+      for (std::size_t i = 0; i < others; ++i) silent_.push_back(join(2 + i % 63));
+      std::size_t subscribed = 0;
+      while (subscribed <= others) {
+        subscribed += server_.take_events().size();
+        std::this_thread::sleep_for(1ms);
+      }
+    }
+    /// Processor time of 400 messages to the reader.
+    double cost_s() {
+      const std::clock_t begin = std::clock();
+      for (int i = 0; i < 400; ++i) {
+        server_.publish(0, 0, std::make_shared<const std::string>("state"));
+        EXPECT_TRUE(reader_->await_data(1));
+      }
+      return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+    }
+
+   private:
+    std::unique_ptr<WebClient> join(std::size_t channel) {
+      auto client = std::make_unique<WebClient>(server_.port());
       EXPECT_TRUE(client->open_web_socket());
       client->send_text(R"({"op":"subscribe","subscriptions":[{"id":1,"channelId":)" +
                         std::to_string(channel) + "}]}");
       return client;
-    };
-    const auto reader = join(1);
-    std::vector<std::unique_ptr<WebClient>> silent;
-    for (int i = 0; i < others; ++i) silent.push_back(join(2 + i % 63));
-    std::size_t subscribed = 0;
-    while (subscribed <= static_cast<std::size_t>(others)) {
-      subscribed += server.take_events().size();
-      std::this_thread::sleep_for(1ms);
     }
-    double least_s = 1e9;
-    for (int repetition = 0; repetition < 5; ++repetition) {
-      const std::clock_t begin = std::clock();
-      for (int i = 0; i < 400; ++i) {
-        server.publish(0, 0, std::make_shared<const std::string>("state"));
-        EXPECT_TRUE(reader->await_data(1));
-      }
-      least_s = std::min(least_s, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
-    }
-    return least_s;
+
+    WebServer server_;
+    std::unique_ptr<WebClient> reader_;
+    std::vector<std::unique_ptr<WebClient>> silent_;
   };
 
-  const double alone_s = cost_with(0);
-  const double among_many_s = cost_with(1000);
+  Watched alone(description, 0);
+  Watched among_many(description, kOthers);
+  double alone_s = 1e9;
+  double among_many_s = 1e9;
+  // by turns: what else the machine does falls on both
+  for (int repetition = 0; repetition < 10; ++repetition) {
+    alone_s = std::min(alone_s, alone.cost_s());
+    among_many_s = std::min(among_many_s, among_many.cost_s());
+  }
   sched_setaffinity(0, sizeof(allowed), &allowed);
 
-  std::printf("400 messages: %.1f ms alone, %.1f ms among 1,000 others\n", 1e3 * alone_s,
-              1e3 * among_many_s);
-  EXPECT_LT(among_many_s, 1.3 * alone_s);
+  std::printf("400 messages: %.1f ms alone, %.1f ms among %zu others\n", 1e3 * alone_s,
+              1e3 * among_many_s, kOthers);
+  // 1.0; a server that looked at each of the others took 2.8 times as much
+  EXPECT_LT(among_many_s, 2.0 * alone_s);
 }
 
 TEST_F(WebServerTest, AClientThatAsksAndNeverReadsIsCutOff) {
