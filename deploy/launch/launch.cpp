@@ -14,6 +14,7 @@
 #include <mutex>
 #include <system_error>
 #include <thread>
+#include <variant>
 
 #include "common/core/check.h"
 #include "common/core/time.h"
@@ -99,6 +100,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     } else {
       children.push_back(physics_from_elsewhere(session, options.session_file, options.overrides,
                                                 options.is_insecure));
+      children.back().before_restart = options.before_restart;
     }
   }
   if (is_here("standby") && session.physics.standby) {
@@ -113,6 +115,9 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   for (std::size_t i = 0; is_here("device") && i < sides.size(); ++i) {
     ChildSpec& child = add(options.is_together ? "device_mofc" : "device", sides[i].name);
     if (options.is_unsafe) child.arguments.emplace_back("--unsafe");
+    if (std::holds_alternative<PluginConfig>(sides[i].driver)) {
+      child.before_restart = options.before_restart;
+    }
     if (sides[i].device.start_ramp.count() > 0) continue;
     const std::string path = sides[i].name.empty() ? "" : "side[" + std::to_string(i) + "].";
     child.restart_arguments = {

@@ -36,6 +36,9 @@ struct LaunchOptions {
   bool is_together = false;                   ///< device and mofc in one process: device_mofc_node
   std::filesystem::path program_folder = {};  ///< of the nodes; empty: beside this executable
   SupervisorTiming timing = {};
+  /// Called before a node that runs or loads what the session names is started again; a SetupError
+  /// puts that off.
+  std::function<void()> before_restart = {};
   /// Called on launch()'s thread every `poll_interval` while the nodes run, and once after all have
   /// ended. Use it to read telemetry.
   std::function<void()> on_poll = {};
@@ -67,7 +70,7 @@ struct LaunchResult {
 /// standby, viewer. If its run folder is removed or replaced meanwhile, it logs an error once. No
 /// node waits for another. A restarted device ramps its force up from 0, even if the session has no
 /// start ramp. When launch() returns, no process and no ipc file of the session is left; if its own
-/// process is killed, the kernel kills the nodes.
+/// process is killed, so are the nodes and what they started.
 ///
 /// The first signal stops the nodes in order, the second kills them. Throws SetupError if the
 /// session is invalid or already launched, or if a program is missing. Blocks; one call at a time

@@ -19,6 +19,7 @@
 #include <cstring>
 
 #include "common/core/check.h"
+#include "common/core/problems.h"
 #include "common/process/run_node.h"
 
 namespace palpate {
@@ -88,6 +89,7 @@ void Supervisor::spawn(Child& child) {
   } catch (const process::process_error& e) {
     throw SetupError(child.spec.program.string() + ": cannot be started: " + e.code().message());
   }
+  lifeline_.add(child.pid);
   child.started_at = std::chrono::steady_clock::now();
   on_event_({.kind = ChildEvent::Kind::kStarted, .name = child.spec.name, .pid = child.pid});
 }
@@ -111,6 +113,7 @@ void Supervisor::reap() {
     }
     // a program that it started would hold its endpoints; not yet reaped, it keeps the group's id
     ::kill(-child.pid, SIGKILL);
+    lifeline_.remove(child.pid);
     int status = 0;
     if (waitpid(child.pid, &status, WNOHANG) == child.pid) on_death(child, status);
   }
@@ -152,9 +155,10 @@ void Supervisor::restart_later(Child& child, ChildEvent event) {
     if (error || is_stopping_) return;
     ++child.restarts;
     try {
+      if (child.spec.before_restart) child.spec.before_restart();
       spawn(child);
     } catch (const SetupError& e) {  // it started before; its program may be being replaced
-      restart_later(child, {.name = child.spec.name, .how = e.what()});
+      restart_later(child, {.name = child.spec.name, .how = one_line(e.what())});
     }
   });
 }

@@ -16,6 +16,8 @@
 #include <string>
 #include <vector>
 
+#include "deploy/launch/lifeline.h"
+
 namespace palpate {
 
 /// A program to keep running.
@@ -27,6 +29,8 @@ struct ChildSpec {
   std::map<std::string, std::string> environment = {};  ///< added to that of the supervisor
   std::filesystem::path folder = {};  ///< its working directory; empty: that of the supervisor
   int descriptor = -1;                ///< a file of the supervisor that it inherits; −1: none
+  /// Called before it is started again; a SetupError puts that off until the next try.
+  std::function<void()> before_restart = {};
 };
 
 struct SupervisorTiming {
@@ -56,8 +60,9 @@ struct ChildEvent {
 ///
 /// Every child has a process group of its own, so Ctrl-C in a terminal reaches the supervisor only.
 /// What a dead child has left in its group is killed before it is started again.
-/// The kernel kills the children when the thread that runs the io_context ends for any reason, so
-/// no child outlives its supervisor. All functions and callbacks run on that thread.
+/// The kernel kills the children when the thread that runs the io_context ends for any reason, and
+/// a Lifeline what they have left in their groups, so nothing outlives its supervisor. All
+/// functions and callbacks run on that thread.
 class Supervisor {
  public:
   /// @param stop_order  stages of names of children; children that are missing here are the last
@@ -116,6 +121,7 @@ class Supervisor {
   std::function<void(const ChildEvent&)> on_event_;
   std::function<void()> on_end_;
   boost::asio::signal_set deaths_;
+  Lifeline lifeline_;
   bool is_stopping_ = false;
   bool has_ended_ = false;
   bool was_refused_ = false;

@@ -2,14 +2,11 @@
 #include "deploy/launch/trust.h"
 
 #include <fcntl.h>
-#include <grp.h>
-#include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <fstream>
 #include <set>
 #include <system_error>
@@ -19,6 +16,7 @@
 #include "common/core/user/files.h"
 #include "common/core/user/sha256.h"
 #include "common/session/session_file.h"
+#include "deploy/launch/ownership.h"
 #include "deploy/launch/physics_command.h"
 
 namespace palpate {
@@ -33,73 +31,39 @@ fs::path absolute_of(const fs::path& path) {
   return fs::absolute(path, error).lexically_normal();
 }
 
-/// Users who decide already what this program does.
-std::set<uid_t> own_users() {
-  std::set<uid_t> users{0, geteuid()};
-  if (geteuid() == 0) {
-    // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets it
-    if (const char* caller = std::getenv("SUDO_UID"); caller != nullptr) {
-      char* end = nullptr;
-      const unsigned long uid = std::strtoul(caller, &end, 10);
-      if (*caller != '\0' && *end == '\0') users.insert(static_cast<uid_t>(uid));
-    }
+/// Where a word of the command may lead: "model.py", "--model=model.py", the module after "-m".
+std::vector<fs::path> files_of_word(const std::vector<std::string>& command, std::size_t i,
+                                    const fs::path& folder) {
+  const std::string& word = command[i];
+  std::vector<fs::path> files{folder / word};
+  if (const auto equals = word.find('='); equals != std::string::npos) {
+    files.push_back(folder / word.substr(equals + 1));
   }
-  std::error_code error;
-  for (fs::path at = fs::read_symlink("/proc/self/exe", error); at.has_relative_path();
-       at = at.parent_path()) {
-    struct stat status {};
-    if (lstat(at.c_str(), &status) == 0) users.insert(status.st_uid);
+  if (command[i - 1] == "-m") {
+    std::string module = word;
+    std::replace(module.begin(), module.end(), '.', '/');
+    files.push_back(folder / module);
+    files.push_back(folder / (module + ".py"));
   }
-  return users;
+  return files;
 }
 
-/// The group of a user's own: of that name, without other members.
-bool is_private_group(gid_t group, const std::set<uid_t>& users) {
-  // NOLINTBEGIN(concurrency-mt-unsafe): called before any other thread uses them
-  const struct group* entry = getgrgid(group);
-  if (entry == nullptr) return false;
-  const std::string name = entry->gr_name;
-  for (char** member = entry->gr_mem; *member != nullptr; ++member) {
-    if (name != *member) return false;
-  }
-  const struct passwd* user = getpwnam(name.c_str());
-  return user != nullptr && user->pw_gid == group && users.contains(user->pw_uid);
-  // NOLINTEND(concurrency-mt-unsafe)
-}
-
-std::string why_not_own(const fs::path& path, bool is_above, const std::set<uid_t>& users) {
-  struct stat status {};
-  if (lstat(path.c_str(), &status) != 0) {
-    return path.string() + ": " + std::generic_category().message(errno);
-  }
-  if (!users.contains(status.st_uid)) return path.string() + " belongs to another user";
-  if (S_ISLNK(status.st_mode)) return {};
-  // what lies in a sticky folder can be replaced by its owner only
-  if (is_above && (status.st_mode & S_ISVTX) != 0) return {};
-  const bool is_open = (status.st_mode & S_IWOTH) != 0 ||
-                       ((status.st_mode & S_IWGRP) != 0 && !is_private_group(status.st_gid, users));
-  return is_open ? "other users may write " + path.string() : std::string();
-}
-
-/// Of a file and of every folder on the way, as written and where links lead.
-std::string why_strange(const fs::path& file, const std::set<uid_t>& users) {
-  std::error_code error;
-  for (const fs::path& way : {absolute_of(file), fs::canonical(file, error)}) {
-    bool is_above = false;
-    for (fs::path at = way; at.has_relative_path(); at = at.parent_path(), is_above = true) {
-      if (std::string why = why_not_own(at, is_above, users); !why.empty()) return why;
-    }
-  }
-  return {};
-}
-
-/// By its content and that of what it runs, and by their places.
+/// By its content and that of what it runs, and by their places; of a folder, by its files.
 std::string hash_of(const Session& session, const std::vector<ForeignCode>& code) {
   std::string all;
-  const auto add = [&](const fs::path& file) {
+  const auto add_file = [&](const fs::path& file) {
     const FileContent content = read_regular_file(file, kMaxCodeBytes);
     if (!content.complaint.empty()) throw SetupError(file.string() + ": " + content.complaint);
     all += absolute_of(file).string() + '\0' + sha256_hex(content.bytes) + '\n';
+  };
+  const auto add = [&](const fs::path& file) {
+    std::error_code error;
+    if (!fs::is_directory(file, error)) return add_file(file);
+    std::set<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(file, error)) {
+      if (entry.is_regular_file(error)) files.insert(entry.path());
+    }
+    for (const fs::path& one : files) add_file(one);
   };
   add(session.file);
   for (const std::string& word : session.physics_command) all += word + '\0';
@@ -108,6 +72,21 @@ std::string hash_of(const Session& session, const std::vector<ForeignCode>& code
     if (one.file.is_absolute()) add(one.file);
   }
   return sha256_hex(all);
+}
+
+/// Of the session, or what it runs; empty: nothing is.
+std::string why_strange(const Session& session, const std::vector<ForeignCode>& code) {
+  if (code.empty()) return {};
+  const OwnUsers users;
+  std::error_code error;
+  // as written, and as its folder is handed to the program
+  const fs::path file = fs::absolute(session.file, error);
+  std::string why = users.why_strange(file);
+  if (why.empty()) why = users.why_strange(file.lexically_normal());
+  for (const ForeignCode& one : code) {
+    if (why.empty() && one.file.is_absolute()) why = users.why_strange(one.file);
+  }
+  return why;
 }
 
 fs::path trusted_file() {
@@ -156,10 +135,11 @@ std::vector<ForeignCode> foreign_code_of(const Session& session, bool has_physic
     // scripts, models: the program runs in the folder of the session
     const fs::path folder = absolute_of(session.file).parent_path();
     for (std::size_t i = 1; i < session.physics_command.size(); ++i) {
-      const fs::path file = folder / session.physics_command[i];
-      std::error_code error;
-      if (fs::is_regular_file(file, error)) {
-        code.push_back({"physics.command", file.lexically_normal()});
+      for (const fs::path& file : files_of_word(session.physics_command, i, folder)) {
+        std::error_code error;
+        if (fs::is_regular_file(file, error) || fs::is_directory(file, error)) {
+          code.push_back({"physics.command", file});
+        }
       }
     }
   }
@@ -193,22 +173,27 @@ std::vector<std::string> foreign_code_lines(const Session& session,
   return lines;
 }
 
-void require_trust(const Session& session, const std::vector<ForeignCode>& code, bool is_trusted) {
-  if (code.empty()) return;
-  const std::set<uid_t> users = own_users();
-  std::string why = why_strange(session.file, users);
-  for (const ForeignCode& one : code) {
-    if (why.empty() && one.file.is_absolute()) why = why_strange(one.file, users);
-  }
-  if (why.empty()) return;
-  const std::string hash = hash_of(session, code);
-  if (is_trusted) return remember(hash, session);
-  if (is_remembered(hash)) return;
+std::string require_trust(const Session& session, const std::vector<ForeignCode>& code,
+                          bool is_trusted) {
+  const std::string why = why_strange(session, code);
+  if (why.empty()) return {};
+  std::string hash = hash_of(session, code);
+  if (is_trusted) remember(hash, session);
+  if (is_trusted || is_remembered(hash)) return hash;
   std::string text = session.file + ": runs what somebody else may have put there: " + why;
   for (const std::string& line : foreign_code_lines(session, code)) text += "\n  " + line;
   throw SetupError(text +
                    "\nlook at these files; then give --trust once (it is remembered until one of "
                    "them changes), or copy them into a folder that only you may write");
+}
+
+void require_same_trust(const Session& session, const std::vector<ForeignCode>& code,
+                        const std::string& trusted) {
+  const std::string why = why_strange(session, code);
+  if (why.empty() || (!trusted.empty() && hash_of(session, code) == trusted)) return;
+  throw SetupError(session.file +
+                   ": not started again, as somebody else may have changed what it " +
+                   "runs since: " + why);
 }
 
 }  // namespace palpate

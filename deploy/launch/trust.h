@@ -12,7 +12,7 @@
 
 namespace palpate {
 
-/// A program, a file among its arguments, or a library.
+/// A program, a file or folder among its arguments, or a library.
 struct ForeignCode {
   std::string field;           ///< "physics.command"
   std::filesystem::path file;  ///< absolute; a library that is looked up in system paths: its name
@@ -28,16 +28,20 @@ struct ForeignCode {
                                                           const std::vector<ForeignCode>& code);
 
 /// Refuses a session that names code if somebody else may have written it or that code: the file,
-/// or a folder or link on the way to it, belongs to another user or may be written by one. Never
-/// asks.
-///
-/// Not somebody else: root, this user, with sudo the user who called it, and every owner of a
-/// folder that this program lies in, who could have replaced the program itself. The private group
-/// of a user (of that name, without members) may write what that user may.
+/// or a folder or link on the way to it, belongs to another user or may be written by one
+/// (ownership.h). Never asks.
 ///
 /// @param is_trusted  --trust: accepts it, and remembers session, program and libraries by hash in
 ///                    the state folder; while they stay as they are, --trust is not needed again
+/// @return the hash of what was trusted; empty: nobody else may have written it
 /// @throws SetupError
-void require_trust(const Session& session, const std::vector<ForeignCode>& code, bool is_trusted);
+std::string require_trust(const Session& session, const std::vector<ForeignCode>& code,
+                          bool is_trusted);
+
+/// Before it runs once more: nobody else may have written it, or it is what was trusted.
+/// @param trusted  as require_trust() returned it
+/// @throws SetupError
+void require_same_trust(const Session& session, const std::vector<ForeignCode>& code,
+                        const std::string& trusted);
 
 }  // namespace palpate

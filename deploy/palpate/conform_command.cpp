@@ -102,7 +102,8 @@ struct ConformPhysics {
     if (!options.session_file.empty()) {
       const Session session = load_session(options.session_file, options.overrides);
       if (options.command.empty()) {
-        require_trust(session, foreign_code_of(session, true, false), is_trusted);
+        static_cast<void>(
+            require_trust(session, foreign_code_of(session, true, false), is_trusted));
       }
       const auto read = files_of(session);
       inputs.insert(inputs.end(), read.begin(), read.end());
@@ -134,7 +135,7 @@ struct ConformDevice {
 
   int run(const Verbosity& verbosity) {
     const Session loaded = with_only_side(session.load(verbosity), side);
-    require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted);
+    static_cast<void>(require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted));
     output.check(loaded, {});
     Findings findings(output);
     options.on_finding = [&](const ConformFinding& found) { findings.add(found); };

@@ -469,6 +469,17 @@ TEST_F(Launch, AKilledLauncherLeavesNoNodeBehind) {
   EXPECT_TRUE(all_nodes_end());
 }
 
+// It would answer the next launch.
+TEST_F(Launch, AKilledLauncherLeavesNothingBehindThatANodeHasStarted) {
+  let("physics_node", "leaves_a_process");
+  start_launcher(options());
+  started_nodes(3);
+
+  kill(launcher_, SIGKILL);
+
+  EXPECT_TRUE(all_nodes_end());
+}
+
 TEST_F(Launch, EndsByItselfWhenItsTimeIsUp) {
   LaunchOptions options = this->options();
   options.seconds = 0.05;

@@ -16,13 +16,15 @@ std::string lower(std::string_view text) {
   return result;
 }
 
-/// Without the port: "localhost", "127.0.0.1", "[::1]". All of it if something else than a port
-/// follows.
+/// Without the port, and without the dot that ends a full DNS name: "localhost", "127.0.0.1",
+/// "[::1]". All of it if something else than a port follows.
 std::string_view name_of(std::string_view host) {
   const std::size_t colon = host.find(':', host.starts_with('[') ? host.find(']') : 0);
   const bool has_port = colon != std::string_view::npos &&
                         host.find_first_not_of("0123456789", colon + 1) == std::string_view::npos;
-  return has_port ? host.substr(0, colon) : host;
+  std::string_view name = has_port ? host.substr(0, colon) : host;
+  if (name.ends_with('.')) name.remove_suffix(1);
+  return name;
 }
 
 /// Numeric addresses cannot be rebound by DNS.

@@ -287,7 +287,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   if (is_insecure) allow_plain_tcp(loaded);
   leave_adversary_out(loaded, has_no_adversary);
   const auto code = foreign_code_of(loaded, nodes.contains("physics"), nodes.contains("device"));
-  require_trust(loaded, code, is_trusted);
+  const std::string trusted = require_trust(loaded, code, is_trusted);
   if (!verbosity.is_quiet) {
     for (const std::string& line : foreign_code_lines(loaded, code)) say(line);
   }
@@ -320,21 +320,23 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
     if (has_page) page = announce_page(web);
     return page ? page->descriptor() : -1;
   };
-  const LaunchResult result = launch({.session_file = session.file,
-                                      .overrides = session.overrides,
-                                      .seconds = seconds,
-                                      .is_realtime = !has_no_realtime,
-                                      .is_insecure = is_insecure,
-                                      .is_unsafe = is_unsafe,
-                                      .is_emulated = is_emulated,
-                                      .has_no_adversary = has_no_adversary,
-                                      .is_quiet = verbosity.is_quiet,
-                                      .has_short_log = has_short_log(verbosity),
-                                      .on_page = take_page,
-                                      .nodes = here,
-                                      .is_together = is_together,
-                                      .on_poll = [&] { observer.pump(); },
-                                      .on_end = [&] { observer.leave_run_folder(); }});
+  const LaunchResult result =
+      launch({.session_file = session.file,
+              .overrides = session.overrides,
+              .seconds = seconds,
+              .is_realtime = !has_no_realtime,
+              .is_insecure = is_insecure,
+              .is_unsafe = is_unsafe,
+              .is_emulated = is_emulated,
+              .has_no_adversary = has_no_adversary,
+              .is_quiet = verbosity.is_quiet,
+              .has_short_log = has_short_log(verbosity),
+              .on_page = take_page,
+              .nodes = here,
+              .is_together = is_together,
+              .before_restart = [&] { require_same_trust(loaded, code, trusted); },
+              .on_poll = [&] { observer.pump(); },
+              .on_end = [&] { observer.leave_run_folder(); }});
   blocked.reset();
   observer.finish();
   if (result.end == LaunchEnd::kRefused) return result.exit_status();

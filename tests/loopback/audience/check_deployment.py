@@ -115,7 +115,8 @@ def check(environment, folder):
         nodes = start("palpate", "launch", str(session), "--no-realtime", "--no-viewer")
         await_line(nodes, "event=node_started node=physics")
         audience = start(str(kSource / "deploy/audience/start"), str(session), "--viewers", "2",
-                         "--audience", "4", "--port", str(port), "--host", "Class.Example")
+                         "--audience", "4", "--port", str(port), "--host", "Class.Example",
+                         "--host", "10.0.0.7")
         await_line(audience, "audience at https://Class.Example:")
         viewers = [await_line(audience, "http://").split("/")[0] for _ in range(2)]
 
@@ -133,6 +134,11 @@ def check(environment, folder):
         assert head.startswith("HTTP/1.1 200"), head
         head = request(port, "/", host="other.example")[1]
         assert head.startswith("HTTP/1.1 403"), head
+
+        certificate = ssl.get_server_certificate(("127.0.0.1", port))
+        names = subprocess.run(["openssl", "x509", "-noout", "-ext", "subjectAltName"],
+                               input=certificate, text=True, capture_output=True, check=True).stdout
+        assert "DNS:Class.Example" in names and "IP Address:10.0.0.7" in names, names
 
         streams = [open_websocket(port) for _ in range(6)]
         for stream in streams:

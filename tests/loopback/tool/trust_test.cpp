@@ -2,9 +2,13 @@
 // Sessions from strangers: what they run is shown, and refused where somebody else may have put it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/posix_acl.h>
 #include <sys/stat.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
+#include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -118,10 +122,32 @@ TEST_F(Stranger, ByALinkFromASafeFolderIsRefusedAsWhereItLeads) {
   EXPECT_THAT(refused.err, HasSubstr("other users may write"));
 }
 
-TEST_F(Stranger, OfAnotherUserIsRefusedAndAStickyFolderIsSafe) {
+// A stranger who owns the middle of the chain decides where it ends.
+TEST_F(Stranger, ByAChainOfLinksIsRefusedForEachOfThem) {
+  const test::TempFolder hop;
+  fs::rename(path("physics.sh"), path("real.sh"));
+  fs::create_symlink(path("real.sh"), hop.path() / "to_real");
+  fs::create_symlink(hop.path() / "to_real", path("physics.sh"));
+  EXPECT_NE(launch().status, 2);
+  EXPECT_TRUE(has_run());
+  ASSERT_EQ(chmod(hop.path().c_str(), 0777), 0);
+  const Outcome refused = launch();
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("other users may write " + hop.path().string()));
+
+  // the session too, by a folder that is a link
+  fs::remove(path("physics.sh"));
+  fs::rename(path("real.sh"), path("physics.sh"));
+  fs::create_directory_symlink(folder_.path(), hop.path() / "folder");
+  fs::create_directory_symlink(hop.path() / "folder", home_.path() / "mine");
+  const Outcome session = run_program(
+      "palpate", {"launch", (home_.path() / "mine/session.txtpb").string(), "--seconds", "1"});
+  EXPECT_EQ(session.status, 2);
+  EXPECT_THAT(session.err, HasSubstr("other users may write " + hop.path().string()));
+}
+
+TEST_F(Stranger, OfAnotherUserIsRefused) {
   if (geteuid() != 0) GTEST_SKIP() << "only root can give a file away";
-  ASSERT_EQ(chmod(folder_.path().c_str(), 01777), 0);
-  EXPECT_NE(launch().status, 2) << "as in /tmp";
   ASSERT_EQ(chown(path("session.txtpb").c_str(), 65534, 65534), 0);
   const Outcome refused = launch();
   EXPECT_EQ(refused.status, 2);
@@ -130,6 +156,84 @@ TEST_F(Stranger, OfAnotherUserIsRefusedAndAStickyFolderIsSafe) {
   setenv("SUDO_UID", "65534", 1);
   EXPECT_NE(launch().status, 2) << "of the user who called sudo";
   unsetenv("SUDO_UID");
+}
+
+// A sticky folder on the way is /tmp itself, where the other tests are.
+TEST_F(Stranger, InAStickyFolderIsRefusedAsSomebodyCouldPutThereWhatItLoads) {
+  ASSERT_EQ(chmod(folder_.path().c_str(), 01777), 0);
+  const Outcome refused = launch();
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("other users may put files into " + folder_.path().string()));
+}
+
+// user 65534 may write it, by a list that the mode does not show
+TEST_F(Stranger, WhatAnAccessControlListOpensIsRefused) {
+  constexpr std::uint32_t kNobody = 65534;
+  const auto entry = [](std::uint16_t tag, std::uint16_t permissions, std::uint32_t id) {
+    std::string bytes(8, '\0');
+    std::memcpy(bytes.data(), &tag, 2);
+    std::memcpy(&bytes[2], &permissions, 2);
+    std::memcpy(&bytes[4], &id, 4);
+    return bytes;
+  };
+  const auto give = [&](std::uint16_t permissions, std::uint32_t user) {
+    const std::string list = std::string("\2\0\0\0", 4) + entry(ACL_USER_OBJ, 7, ~0U) +
+                             entry(ACL_USER, permissions, user) + entry(ACL_GROUP_OBJ, 5, ~0U) +
+                             entry(ACL_MASK, 7, ~0U) + entry(ACL_OTHER, 5, ~0U);
+    return setxattr(path("physics.sh").c_str(), "system.posix_acl_access", list.data(), list.size(),
+                    0);
+  };
+  if (give(7, kNobody) != 0) GTEST_SKIP() << "no access control lists here";
+  const Outcome refused = launch();
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("other users may write " + path("physics.sh")));
+  ASSERT_EQ(give(5, kNobody), 0);
+  EXPECT_NE(launch().status, 2) << "may read it";
+  ASSERT_EQ(give(7, geteuid()), 0);
+  EXPECT_NE(launch().status, 2) << "is the user";
+}
+
+// python3 FOLDER, python3 -m MODULE, program --model=FILE
+TEST_F(Stranger, WithFoldersModulesAndFilesAmongTheArgumentsIsRefusedIfOthersMayWriteThem) {
+  fs::create_directories(path("package"));
+  fs::create_directories(path("deep"));
+  for (const char* name : {"package/__main__.py", "module.py", "deep/module.py", "model.dat"}) {
+    write(name, "");
+  }
+  const auto with = [&](const std::string& words) {
+    write("session.txtpb",
+          "name: \"stranger\"\nphysics { command: [\"/bin/sh\", \"-c\", "
+          "\"sleep 60\", " +
+              words + "] }\n");
+    return launch();
+  };
+  const auto is_told = [&](const std::string& words, const std::string& name, mode_t open) {
+    EXPECT_NE(with(words).status, 2) << words;
+    struct stat before {};
+    ASSERT_EQ(stat(path(name).c_str(), &before), 0);
+    ASSERT_EQ(chmod(path(name).c_str(), open), 0);
+    const Outcome refused = with(words);
+    EXPECT_EQ(refused.status, 2) << words;
+    EXPECT_THAT(refused.err, HasSubstr(path(name)));
+    ASSERT_EQ(chmod(path(name).c_str(), before.st_mode & 07777), 0);
+  };
+  is_told("\"package\"", "package", 0777);
+  is_told("\"package\"", "package/__main__.py", 0666);
+  is_told("\"-m\", \"module\"", "module.py", 0666);
+  is_told("\"-m\", \"deep.module\"", "deep/module.py", 0666);
+  is_told("\"-m\", \"package\"", "package/__main__.py", 0666);
+  is_told("\"--model=model.dat\"", "model.dat", 0666);
+}
+
+// The script changes itself, as somebody else might, and ends: the supervisor would start it again.
+TEST_F(Stranger, ThatIsTrustedIsNotStartedAgainOnceItHasChanged) {
+  ASSERT_EQ(chmod(folder_.path().c_str(), 0777), 0);
+  write("physics.sh", "#!/bin/sh\necho ran >> \"$(dirname \"$0\")/runs\"\necho >> \"$0\"\n");
+  ASSERT_EQ(chmod(path("physics.sh").c_str(), 0755), 0);
+  const Outcome outcome = launch({"--trust"});
+  EXPECT_NE(outcome.status, 2) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("not started again"));
+  EXPECT_EQ(fs::file_size(path("runs")), 4U);
 }
 
 TEST_F(Stranger, WithoutForeignCodeIsNobodysBusiness) {

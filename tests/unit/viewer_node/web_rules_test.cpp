@@ -80,8 +80,8 @@ TEST(WebRules, RefuseWhatIsNotServed) {
 }
 
 TEST(WebRules, AnswerToNamesOfThisMachineOnly) {
-  for (const char* good :
-       {"localhost", "LOCALHOST:1", "127.0.0.1:8765", "[::1]:8765", "10.0.0.7"}) {
+  for (const char* good : {"localhost", "LOCALHOST:1", "localhost.:8765", "127.0.0.1:8765",
+                           "[::1]:8765", "10.0.0.7"}) {
     EXPECT_EQ(status(page(), [&](auto& r) { r.host = good; }), 200u) << good;
     EXPECT_EQ(status(socket(), [&](auto& r) { r.host = good; }), 101u) << good;
   }
@@ -95,6 +95,7 @@ TEST(WebRules, AnswerToNamesOfThisMachineOnly) {
   }
   EXPECT_EQ(status(page(), [](auto& r) { r.host = "Bench:80"; }, {.hosts = {"bench"}}), 200u);
   EXPECT_EQ(status(page(), [](auto& r) { r.host = "bench:80"; }, {.hosts = {"Bench"}}), 200u);
+  EXPECT_EQ(status(page(), [](auto& r) { r.host = "bench."; }, {.hosts = {"bench"}}), 200u);
 }
 
 TEST(WebRules, LetNoPageOfAnotherOriginConnect) {
