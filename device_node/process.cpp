@@ -22,6 +22,7 @@
 #include "device_node/simulation/pointer_hold.h"
 #include "device_node/simulation/true_state_recorder.h"
 #include "device_node/suspend_watch.h"
+#include "device_node/tick_watch.h"
 
 namespace palpate::device {
 namespace {
@@ -204,10 +205,18 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                  " ledgers too high" + (now.is_release_unconfirmed ? ", release unconfirmed" : ""));
   };
   publisher.peers_refused = [&] { return side.refused().total(); };
+  TickWatch ticks_watched;
   publisher.on_pump = [&, phase = DevicePhase::kUnknown](TimePoint now) mutable {
     const DevicePhase phase_before = std::exchange(phase, counters.load().phase);
     if (phase != phase_before && phase == DevicePhase::kConnected) {
       context.log.warn("event=device_prompt: {}", device->specification().calibration);
+    }
+    if (!context.stop.stop_requested() && ticks_watched.hangs(counters.load().loop.ticks, now)) {
+      context.log.error(
+          "event=device_hangs: a call of {} has not returned for 2 s, so nothing is read and no "
+          "force changes; remedy=\"end this program; its driver or the device is at fault: "
+          "`palpate conform device`\"",
+          device->specification().model_name);
     }
     post_mortem.take(journal);
     refused_peers.note(now);

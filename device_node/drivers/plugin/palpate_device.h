@@ -69,8 +69,8 @@ typedef struct palpate_device_specification {
 } palpate_device_specification;
 
 /** One reading. The caller sets size, buttons 0, an identity orientation and zeros elsewhere. A
- * stamp in the future, an orientation of a norm outside 0.5 … 2 or a force that is not finite
- * releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
+ * stamp in the future, an orientation of a norm outside 0.5 … 2 or a force that is not finite or
+ * above the peak releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
 typedef struct palpate_device_reading {
   uint32_t size;              /**< sizeof(palpate_device_reading), set by the caller */
   uint32_t buttons;           /**< bit i: button i is held */

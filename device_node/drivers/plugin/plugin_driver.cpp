@@ -183,14 +183,17 @@ class PluginDevice final : public HapticDevice {
     return error_ == DeviceError::kNone;
   }
 
-  /// False for a stamp in the future: device_node judges positions, but takes stamps as they are.
+  /// False for a stamp in the future and a force that its motors do not have: device_node judges
+  /// positions, but takes stamps and forces as they are.
   bool convert(const palpate_device_reading& reading, DeviceSample& sample) noexcept {
     const TimePoint stamp{Duration(reading.sampled_at_ns)};
     const double* const q = reading.orientation_wxyz;
     const Quaternion orientation(q[0], q[1], q[2], q[3]);
     const double norm = orientation.norm();
     const Vector3 applied = vector_of(reading.applied_force_newton);
-    if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !applied.allFinite()) {
+    const bool is_real =
+        applied.allFinite() && applied.norm() <= kRounding * specification_.peak_force_newton;
+    if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !is_real) {
       driver_->release(device_);
       error_ = DeviceError::kCorrupt;
       return false;
@@ -202,6 +205,8 @@ class PluginDevice final : public HapticDevice {
               .applied_force_newton = applied};
     return true;
   }
+
+  static constexpr double kRounding = 1.001;  // of motors that quantise
 
   Host host_;
   const Clock& clock_;

@@ -13,6 +13,7 @@
 #include "common/core/memory_link.h"
 #include "device_node/simulation/simulated_device.h"
 #include "device_node/suspend_watch.h"
+#include "device_node/tick_watch.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
 
@@ -1081,6 +1082,24 @@ TEST(DeviceNode, ASleepOfTheMachineIsAFaultThatReleasesTheMotors) {
   bench.node.acknowledge();
   bench.tick();
   EXPECT_TRUE(bench.ticks.back().is_answered);
+}
+
+TEST(TickWatch, TellsOnceThatTheTicksStandStill) {
+  TickWatch watch;
+  TimePoint now{};
+  const auto pass = [&](std::uint64_t ticks, Duration step, int looks) {
+    int told = 0;
+    for (int i = 0; i < looks; ++i) told += watch.hangs(ticks, now += step) ? 1 : 0;
+    return told;
+  };
+  using std::chrono::milliseconds;
+  EXPECT_EQ(pass(7, milliseconds(20), 100), 0);
+  EXPECT_EQ(pass(7, milliseconds(20), 500), 1);
+  EXPECT_EQ(pass(8, milliseconds(20), 50), 0) << "it goes on";
+  EXPECT_EQ(pass(8, milliseconds(20), 500), 1) << "and hangs again";
+  // the whole process was stopped, or slept: the time jumps, the ticks could not
+  EXPECT_EQ(pass(9, std::chrono::hours(1), 10), 0);
+  EXPECT_EQ(pass(10, milliseconds(20), 1), 0);
 }
 
 TEST(SuspendWatch, TellsASleepFromAThreadThatWaited) {
