@@ -289,7 +289,7 @@ TEST_F(Launch, TheViewerAloneInheritsTheSocketOfThePage) {
     std::string pid;
     words >> name >> verb >> pid;
     std::error_code error;
-    const std::string held = fs::read_symlink("/proc/" + pid + "/fd/" + descriptor, error);
+    const std::string held = fs::read_symlink(fs::path("/proc") / pid / "fd" / descriptor, error);
     EXPECT_EQ(held == fs::read_symlink("/proc/self/fd/" + descriptor), is_viewer) << event;
     EXPECT_EQ(event.find("--listen-descriptor " + descriptor) != std::string::npos, is_viewer);
   }

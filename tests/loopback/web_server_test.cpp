@@ -170,6 +170,7 @@ TEST_F(WebServerTest, TellsWhoSubscribedAndWhoLeft) {
 TEST_F(WebServerTest, LoopbackHasNoLimitOfConnectionsOnADualStackServer) {
   const WebServer dual({.address = "::", .port = 0, .rules = {.token = "0123456789abcdef"}}, {});
   std::vector<std::unique_ptr<WebClient>> clients;
+  clients.reserve(30);
   for (int i = 0; i < 30; ++i) clients.push_back(std::make_unique<WebClient>(dual.port()));
   for (const auto& client : clients) {
     client->send_raw("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
