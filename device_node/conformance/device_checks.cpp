@@ -9,14 +9,16 @@
 #include <vector>
 
 #include "device_node/conformance/check_outcome.h"
+#include "device_node/conformance/lease_check.h"
 #include "device_node/conformance/motors_check.h"
+#include "device_node/conformance/pushes.h"
+#include "device_node/conformance/watched_bench.h"
 
 namespace palpate::device {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr const char* kNoReading = "read() gave nothing";
 constexpr const char* kRefused = "apply() refused a force of a third of continuous_force_newton";
 constexpr const char* kNoForceSeen = "the driver does not tell the force of its motors";
 
@@ -25,20 +27,7 @@ constexpr double kForceFloorNewton = 0.1;  // … and of this
 constexpr int kExchanges = 200;            // whose median is the pace
 constexpr double kPush_m = 1e-3;           // a push along one axis ends here …
 constexpr Duration kLongestPush = 60ms;    // … or after this time
-constexpr Duration kCoast = 20ms;          // between two looks at a device that coasts
-constexpr Duration kLongestCoast = 1s;
-constexpr double kSeenToMove_m = 0.2e-3;  // and four steps of the encoder
-constexpr double kLeastAlong = 0.5;       // cosine of motion and force
-constexpr double kSpedUp = 1.5;           // the ratio of speeds after a lease that did not end
-constexpr double kSpedUp_m_per_s = 0.01;
-
-/// A third of the continuous force: no driver has a reason to limit it.
-double gentle_newton(DeviceBench& bench) {
-  return bench.device().specification().continuous_force_newton / 3.0;
-}
-Vector3 gentle_force_newton(DeviceBench& bench) {
-  return Vector3(2, -1, 2) / 3.0 * gentle_newton(bench);
-}
+constexpr double kLeastAlong = 0.5;        // cosine of motion and force
 
 bool apply(DeviceBench& bench, const Vector3& force_newton, Duration lease) {
   DeviceSample at_switch;
@@ -194,40 +183,6 @@ CheckOutcome check_force(DeviceBench& bench) {
   return expect_motors(bench, gentle_force_newton(bench), "while the lease runs");
 }
 
-/// Waits until friction has stopped the device, a second at most.
-/// @return the velocity it still has [m/s]; none: it cannot be read
-std::optional<Vector3> come_to_rest(DeviceBench& bench, double still_m) {
-  DeviceSample before;
-  DeviceSample now;
-  if (!bench.device().read(now)) return std::nullopt;
-  for (Duration t{}; t < kLongestCoast; t += kCoast) {
-    before = now;
-    bench.pass(kCoast);
-    if (!bench.device().read(now)) return std::nullopt;
-    if ((now.hand_position_m - before.hand_position_m).norm() <= still_m) break;
-  }
-  return Vector3((now.hand_position_m - before.hand_position_m) / to_seconds(kCoast));
-}
-
-struct Coasting {
-  double early_m_per_s = 0.0;  // just after the lease
-  double late_m_per_s = 0.0;
-};
-/// A push with a lease of 10 ms, and how the device moves afterwards.
-std::optional<Coasting> coast(DeviceBench& bench) {
-  std::array<Vector3, 4> places;
-  const std::array<Duration, 4> pauses{12ms, 15ms, 60ms, 15ms};
-  if (!apply(bench, gentle_force_newton(bench), 10ms)) return std::nullopt;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    bench.pass(pauses[i]);
-    DeviceSample sample;
-    if (!bench.device().read(sample)) return std::nullopt;
-    places[i] = sample.hand_position_m;
-  }
-  return Coasting{(places[1] - places[0]).norm() / to_seconds(pauses[1]),
-                  (places[3] - places[2]).norm() / to_seconds(pauses[3])};
-}
-
 /// By the force of the motors, or by the motion of a device that nobody holds.
 CheckOutcome check_lease(DeviceBench& bench) {
   if (!bench.device().specification().has_motor_watchdog) {
@@ -239,20 +194,7 @@ CheckOutcome check_lease(DeviceBench& bench) {
     bench.pass(6ms);
     return expect_motors(bench, Vector3::Zero(), "1 ms after the lease");
   }
-  const double step_m = bench.device().specification().position_resolution_m;
-  if (!come_to_rest(bench, step_m)) return failed(kNoReading);
-  const std::optional<Coasting> moved = coast(bench);
-  if (!moved) return failed("read() or apply() failed");
-  if (moved->late_m_per_s > kSpedUp * moved->early_m_per_s + kSpedUp_m_per_s) {
-    return failed(
-        fmt::format("after a lease of 10 ms the device goes on from {:.0f} to {:.0f} mm/s",
-                    1e3 * moved->early_m_per_s, 1e3 * moved->late_m_per_s));
-  }
-  if (moved->early_m_per_s < kSpedUp_m_per_s + step_m / 15e-3) {
-    return not_observable("a push of 10 ms does not move the device: does somebody hold it?");
-  }
-  return good(fmt::format("after a lease of 10 ms the device slows down from {:.0f} to {:.0f} mm/s",
-                          1e3 * moved->early_m_per_s, 1e3 * moved->late_m_per_s));
+  return check_lease_by_motion(bench);
 }
 
 /// Without a watchdog the reading says what acts: the force within its lease, none after it.
@@ -438,54 +380,65 @@ CheckOutcome check_pace(DeviceBench& bench) {
   return median_s < to_seconds(bench.period()) ? good(found) : failed(found);
 }
 
+/// Every reading counts, also where the check does not look at it.
+template <CheckOutcome (*check)(DeviceBench&)>
+CheckOutcome watched(DeviceBench& bench) {
+  WatchedBench seen(bench);
+  CheckOutcome outcome = check(seen);
+  if (outcome.verdict == CheckVerdict::kFailed || !seen.was_not_finite()) return outcome;
+  return failed("a reading has a position, an orientation or a force that is not finite");
+}
+
 constexpr std::array kChecks{
-    DeviceCheck{"start", "open the device with its motors at zero", check_start},
-    DeviceCheck{"specification", "fill in DeviceSpecification; SI units", check_specification},
+    DeviceCheck{"start", "open the device with its motors at zero", watched<check_start>},
+    DeviceCheck{"specification", "fill in DeviceSpecification; SI units",
+                watched<check_specification>},
     DeviceCheck{"reading",
                 "convert to metres, unit quaternions and the given clock; stamp a reading when it "
                 "is taken",
-                check_reading},
+                watched<check_reading>},
     DeviceCheck{"buttons", "mask what the device does not have, or raise button_count",
-                check_buttons},
+                watched<check_buttons>},
     DeviceCheck{"stamps", "stamp readings with the given clock, which does not go back",
-                check_stamps},
-    DeviceCheck{"pace", "shorten the transfers, or lower device.rate_hz", check_pace},
+                watched<check_stamps>},
+    DeviceCheck{"pace", "shorten the transfers, or lower device.rate_hz", watched<check_pace>},
     DeviceCheck{"switch", "return from apply() the reading of when the force changed",
-                check_switch},
+                watched<check_switch>},
     DeviceCheck{"direction",
                 "give positions and forces in one frame, D of common/core/messages.h; mind the "
                 "signs and the order of the axes",
-                check_direction},
+                watched<check_direction>},
     DeviceCheck{
         "motors",
         "mind signs, axes and gains of the motors: device_node enables no real device whose "
         "positions do not follow a small push",
-        check_motors},
-    DeviceCheck{"force", "convert to newtons at the tool tip", check_force},
+        watched<check_motors>},
+    DeviceCheck{"force", "convert to newtons at the tool tip", watched<check_force>},
     DeviceCheck{"applied",
                 "give applied_force_newton of a switch, as the motors limit and quantise it",
-                check_applied},
-    DeviceCheck{"renewal", "each apply() begins a new lease", check_renewal},
+                watched<check_applied>},
+    DeviceCheck{"renewal", "each apply() begins a new lease", watched<check_renewal>},
     DeviceCheck{"lease",
                 "hand the lease to the amplifier; without a watchdog there, has_motor_watchdog = "
                 "false",
-                check_lease},
+                watched<check_lease>},
     DeviceCheck{"reported",
                 "without a watchdog end a force with the first read() after its lease, and say in "
                 "applied_force_newton of each reading what acts from it on",
-                check_reported_force},
-    DeviceCheck{"latch", "see take_latched() in device_node/device.h", check_latch},
-    DeviceCheck{"no lease", "a lease of 0 or less is no force", check_no_lease},
-    DeviceCheck{"peak", "limit the force to peak_force_newton along its direction", check_peak},
+                watched<check_reported_force>},
+    DeviceCheck{"latch", "see take_latched() in device_node/device.h", watched<check_latch>},
+    DeviceCheck{"no lease", "a lease of 0 or less is no force", watched<check_no_lease>},
+    DeviceCheck{"peak", "limit the force to peak_force_newton along its direction",
+                watched<check_peak>},
     DeviceCheck{"release",
                 "release() is zero force at once, until the next apply(), and true once the device "
                 "confirmed "
                 "it",
-                check_release},
+                watched<check_release>},
     DeviceCheck{"not finite", "return false for a force that is not finite, motors limp",
-                check_not_finite},
+                watched<check_not_finite>},
     DeviceCheck{"allocation", "allocate when the device is opened, not in a tick",
-                check_allocation}};
+                watched<check_allocation>}};
 
 }  // namespace
 

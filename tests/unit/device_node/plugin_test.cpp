@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <map>
+#include <string>
 
 #include "common/core/check.h"
 #include "device_node/drivers/plugin/plugin_driver.h"
@@ -129,6 +131,32 @@ class PluginUnderTest : private PluginParts, public OpenedDevice {
   }
 };
 std::unique_ptr<DeviceBench> open_example() { return std::make_unique<PluginUnderTest>(); }
+
+/// By the motion alone, as `palpate conform device` does it; what each check found.
+std::map<std::string, CheckOutcome> outcomes_of(const std::string& fault) {
+  ManualClock time;
+  const auto plugin = open_plugin({.library = PALPATE_WRONG_DEVICE, .options = fault}, time, {});
+  OpenedDevice bench(*plugin, time, std::chrono::milliseconds(1), {});
+  std::map<std::string, CheckOutcome> outcomes;
+  for (const DeviceCheck& check : device_checks()) outcomes[check.name] = check.run(bench);
+  return outcomes;
+}
+
+TEST(PluginConformanceByMotion, TheEndOfAForceIsSeen) {
+  const CheckOutcome right = outcomes_of("")["lease"];
+  EXPECT_EQ(right.verdict, CheckVerdict::kGood) << right.text;
+  for (const char* fault : {"no watchdog", "late"}) {
+    const CheckOutcome found = outcomes_of(fault)["lease"];
+    EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
+  }
+}
+
+TEST(PluginConformanceByMotion, PositionsThatBecomeNotFiniteFail) {
+  const auto outcomes = outcomes_of("not finite");
+  EXPECT_EQ(outcomes.at("reading").verdict, CheckVerdict::kGood) << "the first one is right";
+  EXPECT_EQ(outcomes.at("lease").verdict, CheckVerdict::kFailed) << outcomes.at("lease").text;
+  EXPECT_THAT(outcomes.at("lease").text, HasSubstr("not finite"));
+}
 
 }  // namespace
 }  // namespace palpate::device

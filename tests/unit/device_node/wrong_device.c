@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The example plug-in with one fault, which its options name. */
+#define palpate_device_driver_of right_driver_of
+#include "example_device.c" /* NOLINT(bugprone-suspicious-include) */
+#undef palpate_device_driver_of
+
+#include <unistd.h>
+
+static char fault[32];
+static int readings;
+
+static palpate_device* open_wrong(const char* options, const palpate_device_host* host, char* error,
+                                  size_t error_size) {
+  snprintf(fault, sizeof(fault), "%s", options);
+  readings = 0;
+  return open_device("", host, error, error_size);
+}
+
+static int read_wrong(palpate_device* d, palpate_device_reading* out) {
+  const int error = read_device(d, out);
+  ++readings;
+  if (strcmp(fault, "exits") == 0) _exit(0);
+  if (strcmp(fault, "crashes") == 0) abort();
+  if (strcmp(fault, "not finite") == 0 && readings > 100) out->position_m[1] = NAN;
+  return error;
+}
+
+static int apply_wrong(palpate_device* d, const double force_newton[3], int64_t lease_ns,
+                       palpate_device_reading* at_switch) {
+  if (lease_ns > 0 && strcmp(fault, "late") == 0) lease_ns += 50000000;
+  if (lease_ns > 0 && strcmp(fault, "no watchdog") == 0) lease_ns = INT64_MAX / 4;
+  return apply_force(d, force_newton, lease_ns, at_switch);
+}
+
+const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
+  static palpate_device_driver wrong;
+  wrong = *right_driver_of(PALPATE_DEVICE_ABI);
+  wrong.open = open_wrong;
+  wrong.read = read_wrong;
+  wrong.apply = apply_wrong;
+  return abi == PALPATE_DEVICE_ABI ? &wrong : NULL;
+}
