@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cstdio>
-#include <cstdlib>
-#include <exception>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -13,6 +12,7 @@
 #include "common/process/options.h"
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
+#include "deploy/conform/apart.h"
 #include "deploy/conform/conform_device.h"
 #include "deploy/conform/conform_physics.h"
 #include "deploy/launch/trust.h"
@@ -138,16 +138,19 @@ struct ConformDevice {
     static_cast<void>(require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted));
     output.check(loaded, {});
     Findings findings(output);
-    options.on_finding = [&](const ConformFinding& found) { findings.add(found); };
-    options.on_hang = [&](const ConformFinding& found) {  // this thread's last words
-      try {
-        findings.add(found);
-        findings.write();
-      } catch (const std::exception& error) {
-        say(error.what());
-      }
-      std::fflush(nullptr);
-      std::_Exit(kExitFailure);
+    // the driver of others may end the program that loads it
+    find_apart([&](const OnFinding& on_finding,
+                   const std::function<void()>& end) { check(loaded, on_finding, end); },
+               [&](const ConformFinding& found) { findings.add(found); });
+    return findings.write();
+  }
+
+ private:
+  void check(const Session& loaded, const OnFinding& on_finding, const std::function<void()>& end) {
+    options.on_finding = on_finding;
+    options.on_hang = [&](const ConformFinding& found) {
+      on_finding(found);
+      end();
     };
     std::optional<TerminalAcknowledgement> terminal;
     if (is_real(loaded.side().driver)) {
@@ -156,7 +159,6 @@ struct ConformDevice {
       options.start_up.is_acknowledged = [&] { return terminal->take(); };
     }
     static_cast<void>(conform_device(loaded, options));
-    return findings.write();
   }
 };
 

@@ -5,12 +5,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <future>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -60,6 +62,11 @@ class Conform {
     return report;
   }
   [[nodiscard]] std::string err() const { return program_->err(); }
+  /// Once that is said.
+  void acknowledge(const std::string& prompt) {
+    program_->await_err(prompt);
+    program_->send_signal(SIGUSR2);
+  }
 
  private:
   TempFolder folder_;
@@ -147,6 +154,22 @@ TEST(ConformDevice, RefusesASessionThatIsNotThere) {
   Conform run({"device", "no_such_session.txtpb"});
   EXPECT_EQ(run.report().status, 2);
   EXPECT_NE(run.err().find("no_such_session.txtpb"), std::string::npos) << run.err();
+}
+
+// The libraries of others run in the process of the checks.
+TEST(ConformDevice, ADriverThatEndsTheProgramFails) {
+  for (const auto& [fault, end] :
+       {std::pair{"exits", "with status 0"}, std::pair{"crashes", "by signal 6"}}) {
+    Conform run({"device", kDefaultSession, "--set", "device.plugin.library=" PALPATE_WRONG_DEVICE,
+                 "--set", std::string("device.plugin.options=") + fault, "--trust",
+                 "--i-understand-this-moves-the-device"});
+    run.acknowledge("press Enter");
+    const Report report = run.report();
+    EXPECT_EQ(report.status, 1) << report.text << run.err();
+    EXPECT_THAT(report.text, HasSubstr(end)) << run.err();
+    ASSERT_TRUE(report.is_good.contains("program")) << report.text;
+    EXPECT_FALSE(report.is_good.at("program"));
+  }
 }
 
 // A device that stands, with an orientation that is none.
