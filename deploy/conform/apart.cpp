@@ -165,8 +165,7 @@ bool find_apart(const ChecksApart& checks, const OnFinding& on_finding) {
   Forwarding forwarding;
   const pid_t parent = ::getpid();
   const pid_t child = ::fork();
-  if (child < 0)
-    throw std::system_error(errno, std::generic_category(), "a process for the checks");
+  if (child < 0) throw std::system_error(errno, std::generic_category(), "fork");
   if (child == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     forwarding.end();

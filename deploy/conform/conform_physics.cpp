@@ -11,7 +11,6 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
-#include <numbers>
 #include <optional>
 #include <utility>
 #include <zmq.hpp>
@@ -23,6 +22,7 @@
 #include "common/session/session_file.h"
 #include "deploy/conform/engine_process.h"
 #include "deploy/conform/mofc_side.h"
+#include "deploy/conform/tour.h"
 #include "deploy/conform/trace.h"
 #include "deploy/launch/physics_command.h"
 
@@ -44,31 +44,26 @@ scene {
 }
 )";
 
-constexpr double kPress_s = 0.3;  // from clear to pressed
-constexpr double kCircleRadius_m = 3e-3;
 constexpr double kLongestSilence_s = 0.15;  // mofc.stale_after_ms at its least
 constexpr double kMostDelay_s = 0.02;       // or three periods
 constexpr double kFreeNewton = 0.01;
 constexpr double kRestNewton = 0.02;  // and 5 % of the force
 constexpr double kRestRatio = 0.05;
-constexpr int kRests = 5;            // of 0.4 s, the longest time to come to rest
-constexpr double kJumpNewton = 0.5;  // and the steepest tissue that is rendered well
-constexpr double kJumpNewtonPerM = 1e4;
-constexpr double kModelNewton = 0.2;      // root of the sum of squares, below which it is not
-constexpr double kModelLeastRatio = 0.2;  // of the actual change of the force to the predicted one
-constexpr double kEnergyRatio = 0.05;     // of the work done by and on the tissue
+constexpr double kWatch_s = 2.1;           // at rest
+constexpr double kSlowRatio = 0.25;        // of the force, in that time; tissue may relax
+constexpr double kLeastRate = 0.5;         // of physics.rate_hz
+constexpr int kRests = 5;                  // of 0.4 s, the longest time to come to rest
+constexpr double kEnergyRatio = 0.05;      // of the work done by and on the tissue
+constexpr double kSlideEnergyRatio = 0.2;  // the same, if it is stiffer at one place
 constexpr double kEnergyJoule = 20e-6;
+constexpr int kSideRounds = 100;         // of 20 ms, without an answer to a side
 constexpr std::uint64_t kHopeless = 50;  // refused frames
 constexpr auto kStop = std::chrono::milliseconds(3000);
 
-double smooth(double share) {
-  const double s = std::clamp(share, 0.0, 1.0);
-  return 0.5 - 0.5 * std::cos(std::numbers::pi * s);
-}
-
 class Suite {
  public:
-  explicit Suite(const ConformOptions& options) : options_(options) {
+  explicit Suite(const ConformOptions& options)
+      : options_(options), tour_(options.clear_m, options.press_m) {
     // for the ipc files; NOLINTNEXTLINE(concurrency-mt-unsafe): one thread yet
     setenv("PALPATE_RUN_DIR", workplace_.path().c_str(), 1);
     if (!options.session_file.empty()) {
@@ -92,10 +87,11 @@ class Suite {
     engine_ = std::make_unique<EngineProcess>(program_);
     connect();
     if (!start()) return findings_;
-    move();
+    tour_.take(*mofc_);
     rest();
     silence();
     motion_findings();
+    sides();
     peers();
     restart_of_mofc();
     suspension();
@@ -189,89 +185,36 @@ class Suite {
     return problem.empty();
   }
 
-  /// Between the clear place (0) and the pressed one (1).
-  [[nodiscard]] Vector3 between(double share) const {
-    return options_.clear_m + share * (options_.press_m - options_.clear_m);
-  }
-
-  void move() {
-    static_cast<void>(mofc_->take_trace());
-    for (int i = 0; i < 2; ++i) {
-      mofc_->follow(
-          [this](double t_s) {
-            return between(t_s < kPress_s ? smooth(t_s / kPress_s)
-                                          : smooth((2.0 * kPress_s - t_s) / kPress_s));
-          },
-          2.0 * kPress_s);
-    }
-    press_ = mofc_->take_trace();
-
-    mofc_->follow([this](double t_s) { return between(smooth(t_s / kPress_s)); }, kPress_s + 0.1);
-    std::vector<AnsweredPlace> down = mofc_->take_trace();
-    // round, across the direction of the press, back to where it began
-    const Vector3 axis = (options_.press_m - options_.clear_m).normalized();
-    const Vector3 x = axis.unitOrthogonal();
-    const Vector3 y = axis.cross(x);
-    mofc_->follow(
-        [&](double t_s) {
-          const double angle = 2.0 * std::numbers::pi * smooth(t_s / 0.5);
-          return Vector3(options_.press_m +
-                         kCircleRadius_m * ((std::cos(angle) - 1.0) * x + std::sin(angle) * y));
-        },
-        0.6);
-    circle_ = mofc_->take_trace();
-    for (const auto* trace : {&press_, &down, &circle_}) {
-      std::optional<AnsweredPlace> before;
-      for (const AnsweredPlace& now : *trace) {
-        if (before) note_jump(*before, now);
-        before = now;
-        if (now.against_newton > kRestNewton + kRestRatio * now.force_newton.norm()) {
-          worst_against_newton_ = std::max(worst_against_newton_, now.against_newton);
-        }
-      }
-      models_.add(*trace);
-    }
-  }
-
   void contact_findings() {
-    find("contacts",
-         worst_against_newton_ == 0.0
-             ? ""
-             : fmt::format("the force pulls against every contact, by {:.3g} N",
-                           worst_against_newton_),
-         "the force is on the side of the contacts",
-         "normal_world points out of the tissue, force_on_tool_newton is that on the tool; only "
-         "contacts with is_adhesive pull");
-    const double ratio = models_.ratio();
-    const bool is_compared = models_.predicted_newton() > kModelNewton;
-    find("model",
-         !is_compared || ratio >= kModelLeastRatio
-             ? ""
-             : fmt::format("the force changes by {:.2g} of what the contacts predict", ratio),
-         is_compared
-             ? fmt::format("the force changes by {:.2g} of what the contacts predict", ratio)
-             : "no linear contacts to compare",
-         "d_force_d_position_newton_per_m is the derivative of the force on the tool: negative "
-         "along the normal for tissue that resists");
-  }
-
-  void note_jump(const AnsweredPlace& before, const AnsweredPlace& now) {
-    const double jump = (now.force_newton - before.force_newton).norm();
-    const double moved = (now.position_m - before.position_m).norm();
-    if (jump <= kJumpNewton + kJumpNewtonPerM * moved || jump <= worst_jump_newton_) return;
-    worst_jump_newton_ = jump;
-    worst_jump_m_ = moved;
+    find("contacts", tour_.models().contacts_problem(), "each answer agrees with its contacts",
+         "normal_world points out of the tissue; force_on_tool_newton is that on the tool, of a "
+         "contact what its law gives at the reference, and the sum over the contacts; SI units; "
+         "only contacts with is_adhesive pull, and only while they touch");
+    const std::string found =
+        fmt::format("the contacts predict the next forces, a quarter of them to {:.1f} %",
+                    100.0 * tour_.models().worst_error());
+    find("model", tour_.models().model_problem(),
+         tour_.models().is_compared() ? found : "no contacts to compare",
+         "the law of a contact holds around the reference, up to its trust_radius_m: "
+         "d_force_d_position is the derivative of its elastic force, negative along the normal for "
+         "tissue that resists, surface_velocity_world_m_per_s that of the tissue");
   }
 
   void rest() {
     Variation pressed;
     for (int i = 0; i < kRests; ++i) {  // until the engine has come to rest
       mofc_->follow([this](double) { return options_.press_m; }, 0.4);
-      pressed = variation_of(mofc_->take_trace());
+      const std::vector<AnsweredPlace> trace = mofc_->take_trace();
+      pressed = variation_of(trace, trace.size() / 3);
       if (pressed.range_newton <= kRestNewton + kRestRatio * pressed.most_newton) break;
     }
-    mofc_->follow([this](double t_s) { return between(1.0 - smooth(t_s / kPress_s)); },
-                  kPress_s + 0.1);
+    // then for long: what varies slowly is calm for a while
+    mofc_->follow([this](double) { return options_.press_m; }, kWatch_s);
+    const std::vector<AnsweredPlace> watched = mofc_->take_trace();
+    tour_.models().add_rest(watched);
+    const Variation slow = variation_of(watched, 0);
+    const bool moves_itself = is_moving(watched);
+    tour_.leave(*mofc_);
     static_cast<void>(mofc_->take_trace());
     mofc_->follow([this](double) { return options_.clear_m; }, 0.2);
     const std::vector<AnsweredPlace> free = mofc_->take_trace();
@@ -291,9 +234,14 @@ class Suite {
     } else if (outward < -kFreeNewton) {
       problem =
           fmt::format("the tissue pulls the pressed tool further in, with {:.3g} N", -outward);
-    } else if (range > kRestNewton + kRestRatio * force) {
+    } else if (!moves_itself && range > kRestNewton + kRestRatio * force) {
       problem = fmt::format(
           "the force varies by {:.3g} N on a tool at rest, pressing with {:.3g} N", range, force);
+    } else if (!moves_itself && slow.range_newton > kRestNewton + kSlowRatio * slow.most_newton) {
+      problem = fmt::format(
+          "the force varies slowly on a tool at rest, by {:.3g} N in {:.2g} s, pressing with "
+          "{:.3g} N",
+          slow.range_newton, kWatch_s, slow.most_newton);
     }
     find("rest", problem, fmt::format("{:.3g} N pressed, 0 N free, steady", force),
          outward < -kFreeNewton && in_the_air <= kFreeNewton
@@ -325,6 +273,11 @@ class Suite {
         fmt::format("at most {:.0f} ms apart", 1e3 * mofc_->longest_silence_s()),
         "step at physics.rate_hz, or set it to what the engine can do; mofc.stale_after_ms must be "
         "longer than its pauses");
+    const double rate_hz = mofc_->rate_hz();
+    const std::string rate =
+        fmt::format("{:.0f} answers per second, of {:g}", rate_hz, session_.physics.rate_hz);
+    find("rate", rate_hz >= kLeastRate * session_.physics.rate_hz ? "" : rate, rate,
+         "step at physics.rate_hz, or set it to what the engine can do");
     std::vector<double> delays = mofc_->delays_s();
     std::sort(delays.begin(), delays.end());
     const double median = delays.empty() ? 0.0 : delays[delays.size() / 2];
@@ -337,25 +290,44 @@ class Suite {
     find_stamps();
     find_frames();
     find("jumps",
-         worst_jump_newton_ == 0.0
+         tour_.worst_jump_newton() == 0.0
              ? ""
              : fmt::format("the force jumps by {:.3g} N while the tool moves by {:.3g} mm",
-                           worst_jump_newton_, 1e3 * worst_jump_m_),
+                           tour_.worst_jump_newton(), 1e3 * tour_.worst_jump_m()),
          "the force follows the motion without a jump",
          "look for contacts that come and go, a solver that does not converge, or stiffness beyond "
          "10 kN/m");
     contact_findings();
     std::string problem;
-    for (const auto& [name, trace] : {std::pair{"pressing and leaving", &press_},
-                                      std::pair{"circling in the tissue", &circle_}}) {
-      const auto [work, size] = work_joule(*trace);
-      if (problem.empty() && work > kEnergyJoule + kEnergyRatio * size) {
-        problem = fmt::format("{} gives the hand {:.3g} mJ", name, 1e3 * work);
+    for (const Loop& loop : tour_.loops()) {
+      const auto [work, size] = work_joule(loop.trace);
+      if (problem.empty() &&
+          work > kEnergyJoule + (loop.has_slide ? kSlideEnergyRatio : kEnergyRatio) * size) {
+        problem = fmt::format("{} gives the hand {:.3g} mJ", loop.name, 1e3 * work);
       }
     }
     find("energy", problem, "closed paths give the hand no energy",
          "let the force be the gradient of a stored energy, less damping; a force that lags behind "
          "the motion gives energy too: answer with the force of the pose that is answered");
+  }
+
+  /// Each has its own endpoints.
+  void sides() {
+    std::string problem;
+    for (std::size_t i = 1; i < session_.sides.size(); ++i) {
+      MofcSide other(*context_, session_.sides[i], clock_, random_session_id());
+      bool has_answer = false;
+      for (int round = 0; round < kSideRounds && !has_answer; ++round) {
+        mofc_->follow([this](double) { return options_.clear_m; }, 0.01);
+        has_answer = other.await_answer(options_.clear_m, 0.01);
+      }
+      if (!has_answer && problem.empty()) {
+        problem = "side \"" + session_.sides[i].name + "\" is never answered";
+      }
+    }
+    if (session_.sides.size() < 2) return;
+    find("sides", problem, fmt::format("each of {} is answered", session_.sides.size()),
+         "bind the endpoints of every side of PALPATE_PHYSICS, and answer each");
   }
 
   void peers() {
@@ -462,12 +434,7 @@ class Suite {
   std::unique_ptr<ZmqContext> context_;
   std::unique_ptr<EngineProcess> engine_;
   std::unique_ptr<MofcSide> mofc_;
-  std::vector<AnsweredPlace> press_;
-  std::vector<AnsweredPlace> circle_;
-  double worst_jump_newton_ = 0.0;
-  double worst_jump_m_ = 0.0;
-  double worst_against_newton_ = 0.0;
-  ModelComparison models_;
+  Tour tour_;
   std::vector<ConformFinding> findings_;
 };
 

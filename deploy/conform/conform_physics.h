@@ -22,8 +22,8 @@ struct ConformOptions {
 };
 
 /// Starts the program, plays mofc_node to it along scripted motions, ends and restarts it, all in
-/// about 6 s. Checks: start, answers, stamps, silence, delay, rest, jumps, energy, peers, restarts,
-/// suspension, stop.
+/// about 10 s. Checks: start, answers, rate, stamps, silence, delay, rest, jumps, contacts, model,
+/// energy, sides, peers, restarts, suspension, stop.
 /// @return a finding for each; those after a physics that never answers are missing
 /// @throws SetupError  if the command or the session cannot be used
 [[nodiscard]] std::vector<ConformFinding> conform_physics(const ConformOptions& options);

@@ -4,7 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <limits>
+#include <cstddef>
 #include <utility>
 
 namespace palpate {
@@ -12,37 +12,13 @@ namespace {
 
 constexpr std::size_t kMostSent = 5000;  // 10 s
 constexpr double kSamePlace_m = 1e-9;
+constexpr double kRateSpan_s = 0.1;
 constexpr double kOwnPause_s = 0.02;  // of this process, after which silence is not judged
 
 Vector3 velocity_at(const MofcSide::Path& path, double t_s) {
   constexpr double kStep_s = 1e-4;
   return (path(t_s + kStep_s) - path(std::max(0.0, t_s - kStep_s))) /
          (kStep_s + std::min(t_s, kStep_s));
-}
-
-AnsweredPlace place_of(const Interaction& answer, TimePoint received_at) {
-  AnsweredPlace place{.received_at = received_at,
-                      .device_sequence = answer.device_sequence,
-                      .position_m = answer.tool_position_world_m,
-                      .force_newton = answer.force_on_tool_newton};
-  Matrix3 slope = Matrix3::Zero();
-  double most_outward_newton = -std::numeric_limits<double>::infinity();
-  bool touches = false;
-  bool is_linear = true;
-  bool is_adhesive = false;
-  for (std::uint32_t i = 0; i < answer.listed_count; ++i) {
-    const Contact& contact = answer.contacts[i];
-    if (contact.penetration_m <= 0.0) continue;
-    touches = true;
-    slope += contact.d_force_d_position;
-    is_linear = is_linear && contact.hunt_crossley_exponent == 0.0;
-    is_adhesive = is_adhesive || contact.is_adhesive;
-    most_outward_newton =
-        std::max(most_outward_newton, place.force_newton.dot(contact.normal_world));
-  }
-  if (touches && is_linear) place.slope_newton_per_m = slope;
-  if (touches && !is_adhesive) place.against_newton = std::max(0.0, -most_outward_newton);
-  return place;
 }
 
 }  // namespace
@@ -65,7 +41,8 @@ void MofcSide::send(const Vector3& position_m, const Vector3& velocity_m_per_s) 
   motions_.send(motion_);
   sent_.push_back({.sequence = next_sequence_++,
                    .sampled_at = motion_.header.sampled_at,
-                   .position_m = position_m});
+                   .position_m = position_m,
+                   .velocity_m_per_s = velocity_m_per_s});
   if (sent_.size() > kMostSent) sent_.pop_front();
 }
 
@@ -99,7 +76,12 @@ void MofcSide::judge(const Interaction& answer, TimePoint received_at) {
   last_answered_ = answer.device_sequence;
   if (std::exchange(sent->is_answered, true)) return;
   delays_s_.push_back(to_seconds(received_at - sent->sampled_at));
-  trace_.push_back(place_of(answer, received_at));
+  trace_.push_back({.received_at = received_at,
+                    .sampled_at = sent->sampled_at,
+                    .position_m = sent->position_m,
+                    .velocity_m_per_s = sent->velocity_m_per_s,
+                    .force_newton = answer.force_on_tool_newton,
+                    .answer = std::make_shared<const Interaction>(answer)});
 }
 
 std::size_t MofcSide::take() {
@@ -118,6 +100,8 @@ void MofcSide::follow(const Path& path, double seconds) {
   const Duration period = from_seconds(1.0 / kMotionHz);
   heard_at_ = begin;
   TimePoint last_turn = begin;
+  TimePoint span_begin = begin;
+  std::size_t span_count = 0;
   for (TimePoint next = begin; next < begin + from_seconds(seconds); next += period) {
     clock_.sleep_until(next);
     const TimePoint now = clock_.now();
@@ -125,9 +109,23 @@ void MofcSide::follow(const Path& path, double seconds) {
     last_turn = now;
     const double t_s = to_seconds(now - begin);
     send(path(t_s), velocity_at(path, t_s));
-    if (take() > 0) heard_at_ = now;
+    const std::size_t count = take();
+    if (count > 0) heard_at_ = now;
+    span_count += count;
+    if (const double span_s = to_seconds(now - span_begin); span_s >= kRateSpan_s) {
+      rates_hz_.push_back(static_cast<double>(std::exchange(span_count, 0)) / span_s);
+      span_begin = now;
+    }
     longest_silence_s_ = std::max(longest_silence_s_, to_seconds(now - *heard_at_));
   }
+}
+
+double MofcSide::rate_hz() const {
+  std::vector<double> rates_hz = rates_hz_;
+  if (rates_hz.empty()) return 0.0;
+  const auto middle = rates_hz.begin() + static_cast<std::ptrdiff_t>(rates_hz.size() / 2);
+  std::nth_element(rates_hz.begin(), middle, rates_hz.end());
+  return *middle;
 }
 
 std::size_t MofcSide::listen(double seconds) {

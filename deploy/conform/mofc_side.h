@@ -6,28 +6,27 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "common/core/clock.h"
+#include "common/core/messages.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
 #include "common/session/session.h"
 
 namespace palpate {
 
-/// Where the tool was, and the force that the physics answered for that place.
+/// Where the tool was, and what the physics answered for that place.
 struct AnsweredPlace {
   TimePoint received_at;
-  std::uint64_t device_sequence = 0;
+  TimePoint sampled_at;  ///< when the tool was there
   Vector3 position_m = Vector3::Zero();
+  Vector3 velocity_m_per_s = Vector3::Zero();
   Vector3 force_newton = Vector3::Zero();
-  /// ∂f/∂x [N/m] by the contacts that touch; nothing: none touches, or their law is not linear.
-  std::optional<Matrix3> slope_newton_per_m{};
-  /// How much the force pulls against the outward normal of every contact that touches; 0 with
-  /// adhesive ones [N].
-  double against_newton = 0.0;
+  std::shared_ptr<const Interaction> answer;
 };
 
 class MofcSide {
@@ -49,6 +48,8 @@ class MofcSide {
   [[nodiscard]] std::vector<AnsweredPlace> take_trace();
   /// Seconds from the sending of a motion to its first answer, of all so far.
   [[nodiscard]] const std::vector<double>& delays_s() const { return delays_s_; }
+  /// Answers per second while motions were sent, the median of spans of 0.1 s; 0: none.
+  [[nodiscard]] double rate_hz() const;
   /// Longest time without an answer while motions were sent; the test's own pauses excluded.
   [[nodiscard]] double longest_silence_s() const { return longest_silence_s_; }
   /// The first answer whose stamps or pose are wrong; empty: none.
@@ -64,6 +65,7 @@ class MofcSide {
     std::uint64_t sequence = 0;
     TimePoint sampled_at;
     Vector3 position_m;
+    Vector3 velocity_m_per_s;
     bool is_answered = false;
   };
   void send(const Vector3& position_m, const Vector3& velocity_m_per_s);
@@ -83,6 +85,7 @@ class MofcSide {
   std::optional<TimePoint> heard_at_;
   std::vector<AnsweredPlace> trace_;
   std::vector<double> delays_s_;
+  std::vector<double> rates_hz_;
   double longest_silence_s_ = 0.0;
   std::string wrong_stamp_;
 };

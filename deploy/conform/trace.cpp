@@ -7,7 +7,17 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kModelSpan = 10;  // motions over which a model is compared
+constexpr double kMoving_m_per_s = 1e-4;
+
+/// Of what the contacts say that the tissue does to the tool by moving itself [W].
+double own_watt(const AnsweredPlace& place) {
+  double watt = 0.0;
+  for (std::uint32_t i = 0; i < place.answer->listed_count; ++i) {
+    const Contact& contact = place.answer->contacts[i];
+    watt += contact.force_on_tool_newton.dot(contact.surface_velocity_world_m_per_s);
+  }
+  return watt;
+}
 
 }  // namespace
 
@@ -16,18 +26,23 @@ std::pair<double, double> work_joule(const std::vector<AnsweredPlace>& trace) {
   double size = 0.0;
   for (std::size_t i = 1; i < trace.size(); ++i) {
     const double work = 0.5 * (trace[i].force_newton + trace[i - 1].force_newton)
-                                  .dot(trace[i].position_m - trace[i - 1].position_m);
+                                  .dot(trace[i].position_m - trace[i - 1].position_m) -
+                        0.5 * (own_watt(trace[i]) + own_watt(trace[i - 1])) *
+                            to_seconds(trace[i].sampled_at - trace[i - 1].sampled_at);
     sum += work;
     size += std::abs(work);
+  }
+  // seen from there the path is not closed
+  if (is_moving(trace)) {
+    sum -= trace.front().answer->stored_energy_joule - trace.back().answer->stored_energy_joule;
   }
   return {sum, size};
 }
 
-Variation variation_of(const std::vector<AnsweredPlace>& trace) {
+Variation variation_of(const std::vector<AnsweredPlace>& trace, std::size_t first) {
   Vector3 least = Vector3::Constant(1e9);
   Vector3 most = -least;
   Variation variation;
-  const std::size_t first = trace.size() / 3;
   for (std::size_t i = first; i < trace.size(); ++i) {
     variation.mean_newton += trace[i].force_newton / static_cast<double>(trace.size() - first);
     least = least.cwiseMin(trace[i].force_newton);
@@ -38,17 +53,13 @@ Variation variation_of(const std::vector<AnsweredPlace>& trace) {
   return variation;
 }
 
-void ModelComparison::add(const std::vector<AnsweredPlace>& trace) {
-  for (std::size_t i = 0; i + kModelSpan < trace.size(); ++i) {
-    const AnsweredPlace& from = trace[i];
-    const AnsweredPlace& to = trace[i + kModelSpan];
-    if (!from.slope_newton_per_m || !to.slope_newton_per_m) continue;
-    const Vector3 predicted = *from.slope_newton_per_m * (to.position_m - from.position_m);
-    predicted_ += predicted.squaredNorm();
-    actual_ += predicted.dot(to.force_newton - from.force_newton);
-  }
+bool is_moving(const std::vector<AnsweredPlace>& trace) {
+  return std::any_of(trace.begin(), trace.end(), [](const AnsweredPlace& place) {
+    const auto begin = place.answer->contacts.begin();
+    return std::any_of(begin, begin + place.answer->listed_count, [](const Contact& contact) {
+      return contact.surface_velocity_world_m_per_s.norm() > kMoving_m_per_s;
+    });
+  });
 }
-
-double ModelComparison::predicted_newton() const { return std::sqrt(predicted_); }
 
 }  // namespace palpate

@@ -2,6 +2,7 @@
 // trace.h — what a series of answers says about a physics.
 #pragma once
 
+#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -9,7 +10,8 @@
 
 namespace palpate {
 
-/// Work of the tissue on the tool along the trace, and of both signs together [J].
+/// Work of the tissue on the tool along the trace, and of both signs together [J]: where it moves
+/// by itself, as seen from its surface, less what it had stored.
 [[nodiscard]] std::pair<double, double> work_joule(const std::vector<AnsweredPlace>& trace);
 
 struct Variation {
@@ -17,22 +19,10 @@ struct Variation {
   double range_newton = 0.0;
   double most_newton = 0.0;
 };
-/// Of the force, over the last two thirds.
-[[nodiscard]] Variation variation_of(const std::vector<AnsweredPlace>& trace);
+/// Of the force, from the place of that number on.
+[[nodiscard]] Variation variation_of(const std::vector<AnsweredPlace>& trace, std::size_t first);
 
-/// What the contact models predict for the next places, beside the forces answered there.
-class ModelComparison {
- public:
-  void add(const std::vector<AnsweredPlace>& trace);
-
-  /// Actual change of the force along the predicted one, as a share of that; 1 without models.
-  [[nodiscard]] double ratio() const { return predicted_ > 0.0 ? actual_ / predicted_ : 1.0; }
-  /// Root of the sum of the squares of the predicted changes.
-  [[nodiscard]] double predicted_newton() const;
-
- private:
-  double predicted_ = 0.0;  // sums of predicted², predicted · actual [N²]
-  double actual_ = 0.0;
-};
+/// A contact says that the tissue moves by itself.
+[[nodiscard]] bool is_moving(const std::vector<AnsweredPlace>& trace);
 
 }  // namespace palpate

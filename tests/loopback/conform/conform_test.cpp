@@ -107,7 +107,9 @@ TEST(ConformPhysics, NamesEachFault) {
       {"stamps", "stamps"},    {"pose", "stamps"},
       {"frames", "frames"},    {"delay", "delay"},
       {"restart", "restart"},  {"suspension", "suspension"},
-      {"stop", "stop"}};
+      {"stop", "stop"},        {"whirl", "energy"},
+      {"loop", "energy"},      {"slow", "rest"},
+      {"rate", "rate"}};
   const test::QuietMachine machine;
   std::map<std::string, std::unique_ptr<Conform>> runs;
   for (const auto& [fault, check] : check_of) {
@@ -119,6 +121,27 @@ TEST(ConformPhysics, NamesEachFault) {
     EXPECT_EQ(report.status, 1) << fault << "\n" << report.text << run->err();
     const auto found = report.is_good.find(check_of.at(fault));
     // so many suites at once leave little to each: one that cannot start checks no more
+    if (found == report.is_good.end() && !machine.may_check(fault)) continue;
+    ASSERT_NE(found, report.is_good.end()) << fault << "\n" << report.text << run->err();
+    EXPECT_FALSE(found->second) << fault << "\n" << report.text;
+  }
+}
+
+// Each sense of a path is judged.
+TEST(ConformPhysics, NamesEnergyTheOtherWayRoundAndASideThatIsNotAnswered) {
+  const test::QuietMachine machine;
+  std::map<std::string, std::unique_ptr<Conform>> runs;
+  for (const std::string fault : {"whirl back", "loop back"}) {
+    runs[fault] = std::make_unique<Conform>(std::vector<std::string>{
+        "physics", "--", bin("wrong_physics"), fault, "--session", "{session}"});
+  }
+  runs["sides"] = std::make_unique<Conform>(std::vector<std::string>{
+      "physics", "--session", PALPATE_SOURCE_DIR "/deploy/sessions/two_hands.txtpb", "--",
+      bin("wrong_physics"), "sides", "--session", "{session}"});
+  for (auto& [fault, run] : runs) {
+    const Report report = run->report();
+    EXPECT_EQ(report.status, 1) << fault << "\n" << report.text << run->err();
+    const auto found = report.is_good.find(fault == "sides" ? "sides" : "energy");
     if (found == report.is_good.end() && !machine.may_check(fault)) continue;
     ASSERT_NE(found, report.is_good.end()) << fault << "\n" << report.text << run->err();
     EXPECT_FALSE(found->second) << fault << "\n" << report.text;

@@ -25,7 +25,8 @@ constexpr double kStiffness = 400.0;
 
 class WrongEngine final : public physics::Engine {
  public:
-  explicit WrongEngine(std::string fault) : fault_(std::move(fault)) {}
+  WrongEngine(std::string fault, std::string side)
+      : fault_(std::move(fault)), side_(std::move(side)) {}
 
   bool step(const ToolMotion& motion, bool is_new, TimePoint now,
             Interaction& answer) noexcept override {
@@ -43,6 +44,16 @@ class WrongEngine final : public physics::Engine {
     if (fault_ == "jumps" && depth_m > 0.003) force.z() += 3.0;
     // round the circle it pushes ahead; up and down it presses harder on the way up
     if (fault_ == "energy" && depth_m > 0.0) force += 20.0 * motion.tool_velocity_world_m_per_s;
+    const Vector3& at_m = motion.tool_position_world_m;
+    const Vector3 round(-at_m.y(), at_m.x(), 0.0);
+    if (fault_ == "whirl" && depth_m > 0.0) force += 100.0 * round;
+    if (fault_ == "whirl back" && depth_m > 0.0) force -= 100.0 * round;
+    if (fault_ == "loop") force *= 1.0 + 150.0 * (at_m.x() + at_m.y());
+    if (fault_ == "loop back") force *= 1.0 - 150.0 * (at_m.x() + at_m.y());
+    if (fault_ == "slow")
+      force *= 1.0 + 0.8 * std::sin(2.0 * std::numbers::pi * 0.24 * seconds_of(now));
+    if (fault_ == "rate" && steps_ % 25 != 0) return false;
+    if (fault_ == "sides" && side_ == "right") return false;
     if (fault_ == "pull") force = -force;
     answer.listed_count = answer.contact_count = depth_m > 0.0 ? 1 : 0;
     answer.contacts[0] = {.penetration_m = std::max(0.0, depth_m),
@@ -74,6 +85,7 @@ class WrongEngine final : public physics::Engine {
   }
 
   std::string fault_;
+  std::string side_;
   std::uint64_t steps_ = 0;
   TimePoint stepped_at_{};
   bool is_dead_ = false;
@@ -105,7 +117,8 @@ int main(int argc, char** argv) {
         if (fault == "restart") context.session_id = 7;
         physics::run_process(
             context, links,
-            {.make_engine = [&](const Side&) { return std::make_unique<WrongEngine>(fault); },
+            {.make_engine =
+                 [&](const Side& side) { return std::make_unique<WrongEngine>(fault, side.name); },
              .make_display = [](Sender<SceneState>&,
                                 Sender<MeshFrame>&) { return std::make_unique<NoDisplay>(); }});
       });
