@@ -7,12 +7,12 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <fstream>
 #include <system_error>
 #include <thread>
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
+#include "common/core/user/files.h"
 #include "common/core/user/output_file.h"
 
 namespace palpate::campaign {
@@ -20,6 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::uintmax_t kMostMarkBytes = 1000;
 /// Workers of a sweep that was killed have this long to end.
 constexpr Duration kPatience = std::chrono::seconds(5);
 
@@ -67,10 +68,14 @@ Folder::Folder(fs::path path, const Campaign& campaign, bool is_shared) : path_(
   }
 
   const fs::path mark = path_ / "campaign.txt";
-  std::ifstream in(mark);
-  const std::string known((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  if (known == content_of(campaign)) return;
-  if (!known.empty()) {
+  const FileContent known = fs::exists(mark) ? read_text_file(mark, kMostMarkBytes) : FileContent{};
+  if (!known.complaint.empty()) {
+    ::close(lock_);
+    throw SetupError(mark.string() + ": " + known.complaint +
+                     "; a sweep has not written it: give another folder with --folder");
+  }
+  if (known.bytes == content_of(campaign)) return;
+  if (!known.bytes.empty()) {
     ::close(lock_);
     throw SetupError(path_.string() +
                      ": has the results of another campaign, or of this one before the campaign, a "

@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "common/core/check.h"
 #include "common/core/random.h"
 #include "common/core/time.h"
 
@@ -20,6 +21,7 @@ namespace palpate::campaign {
 namespace {
 
 constexpr Duration kFlushInterval = std::chrono::seconds(1);
+constexpr std::size_t kMostLineBytes = 1U << 16U;
 constexpr std::size_t kSumDigits = 16;
 
 [[noreturn]] void fail(const std::filesystem::path& file) {
@@ -91,17 +93,23 @@ Results::Results(const Campaign& campaign)
       needed_(campaign.run_count()) {}
 
 void Results::refresh(const std::filesystem::path& folder) {
+  std::string line(kMostLineBytes, '\0');
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().extension() != ".log" || entry.is_symlink() || !entry.is_regular_file()) {
       continue;
     }
     std::uint64_t& begin = read_[entry.path()];
     std::ifstream in(entry.path(), std::ios::binary);
-    in.seekg(static_cast<std::streamoff>(begin));
-    for (std::string line; std::getline(in, line);) {
-      if (in.eof()) break;  // no end of line yet
-      begin += line.size() + 1;
-      take(line);
+    if (!in.seekg(static_cast<std::streamoff>(begin))) continue;
+    while (in.getline(line.data(), static_cast<std::streamsize>(line.size())) && !in.eof()) {
+      begin += static_cast<std::uint64_t>(in.gcount());
+      take(std::string_view(line.data(), static_cast<std::size_t>(in.gcount()) - 1));
+    }
+    // the end of the file is in a line that is not complete yet; any other failure is of its length
+    if (in.fail() && !in.eof()) {
+      throw SetupError(entry.path().string() +
+                       ": has a line that is too long for a result; remove "
+                       "the file, or give another folder with --folder");
     }
   }
 }

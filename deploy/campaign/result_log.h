@@ -45,6 +45,7 @@ class Results {
   explicit Results(const Campaign& campaign);
 
   /// Reads what has been added to the *.log files of the folder since the last call.
+  /// Throws SetupError if a line is longer than any result.
   void refresh(const std::filesystem::path& folder);
 
   [[nodiscard]] bool has(std::uint64_t run) const { return is_known_[run]; }

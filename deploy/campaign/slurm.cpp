@@ -9,16 +9,21 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <fstream>
+#include <sstream>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <utility>
 
 #include "common/core/check.h"
+#include "common/core/user/files.h"
 #include "common/core/user/output_file.h"
 #include "deploy/campaign/shell_word.h"
+#include "deploy/campaign/shown_text.h"
 
 namespace palpate::campaign {
 namespace {
@@ -32,6 +37,7 @@ constexpr int kTaskAttempts = 5;   // of a task whose command a signal kills
 constexpr std::size_t kShownBytes = 2000;
 constexpr int kIsNotThere = 127;
 constexpr std::size_t kMostDigits = 10;  // of a job's number, 32 bits
+constexpr std::uintmax_t kMostJobBytes = 100;
 constexpr std::uint64_t kMostShares = 1'000'000;
 
 struct Output {
@@ -91,17 +97,30 @@ Output run(std::vector<std::string> words) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, out.text(), err.text()};
 }
 
+/// A job of another name or user is gone: its number may come from the folder of somebody else, or
+/// Slurm has given it out again.
 enum class JobState : std::uint8_t { kThere, kGone, kUnknown };
 
+/// In which a job stays; in every other one it may still run, or run again.
+constexpr std::array<std::string_view, 10> kEnded = {
+    "BOOT_FAIL", "CANCELLED",     "COMPLETED", "DEADLINE", "FAILED",
+    "NODE_FAIL", "OUT_OF_MEMORY", "PREEMPTED", "REVOKED",  "TIMEOUT"};
+
+std::string job_name(const Campaign& campaign) { return "palpate-" + campaign.name; }
+
 /// Unknown while slurmctld does not answer: it may be starting again.
-JobState state_of(const std::string& job) {
+JobState state_of(const std::string& job, const Campaign& campaign) {
   const Output queue =
-      run({"squeue", "--noheader", "--states=all", "--format=%T", "--jobs=" + job});
+      run({"squeue", "--noheader", "--states=all", "--format=%T %U %j", "--jobs=" + job});
   if (queue.err.find("Invalid job id") != std::string::npos) return JobState::kGone;
   if (queue.status != 0) return JobState::kUnknown;
-  for (const char* alive : {"PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "SUSPENDED",
-                            "REQUEUED", "RESIZING", "STAGE_OUT", "SIGNALING"}) {
-    if (queue.out.find(alive) != std::string::npos) return JobState::kThere;
+  const std::string owner = fmt::format(" {} {}", ::geteuid(), job_name(campaign));
+  std::istringstream tasks(queue.out);
+  for (std::string task; std::getline(tasks, task);) {
+    const std::size_t end = std::min(task.find(' '), task.size());
+    const bool has_ended = std::find(kEnded.begin(), kEnded.end(),
+                                     std::string_view(task).substr(0, end)) != kEnded.end();
+    if (!has_ended && task.substr(end) == owner) return JobState::kThere;
   }
   return JobState::kGone;
 }
@@ -116,8 +135,9 @@ class JobFile {
  public:
   explicit JobFile(const Folder& folder) : file_(folder.path() / "slurm.job") {}
   [[nodiscard]] Job read() const {
-    std::ifstream in(file_);
-    if (!in) return {};
+    if (!fs::exists(file_)) return {};
+    const FileContent content = read_text_file(file_, kMostJobBytes);
+    std::istringstream in(content.bytes);
     Job job;
     const bool is_read = static_cast<bool>(in >> job.id >> job.shares);
     const bool is_number = !job.id.empty() && job.id.size() <= kMostDigits &&
@@ -166,7 +186,6 @@ std::string submit(const Campaign& campaign, const Folder& folder, const Results
   // relative to --chdir, which takes any name of a folder as it is
   std::vector<std::string> command{"sbatch",
                                    "--parsable",
-                                   "--job-name=palpate-" + campaign.name,
                                    "--array=" + array_of(results, shares),
                                    "--ntasks=1",
                                    "--cpus-per-task=1",
@@ -175,33 +194,41 @@ std::string submit(const Campaign& campaign, const Folder& folder, const Results
                                    "--chdir=" + home.string(),
                                    "--output=slurm-%a.out"};
   command.insert(command.end(), options.sbatch.begin(), options.sbatch.end());
+  command.push_back("--job-name=" + job_name(campaign));  // last: by it the job is known again
   command.push_back(script_file);
   const Output answer = run(command);
   // "12", or "12;cluster"; warnings are on standard error
   std::string id = answer.out.substr(0, answer.out.find_first_not_of("0123456789"));
   if (answer.status != 0 || id.empty()) {
-    throw SetupError("sbatch: " + answer.err.substr(0, kShownBytes) +
+    throw SetupError("sbatch: " + shown_text(answer.err.substr(0, kShownBytes)) +
                      (answer.status == kIsNotThere
                           ? "; install Slurm's client (Debian: slurm-client), or leave --slurm out"
                           : ""));
   }
-  if (!answer.err.empty()) options.say("sbatch: " + answer.err.substr(0, kShownBytes));
+  if (!answer.err.empty()) options.say("sbatch: " + shown_text(answer.err.substr(0, kShownBytes)));
   return id;
+}
+
+/// The last bytes of a file, however large it is; empty if it is or cannot be read.
+std::string end_of(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary | std::ios::ate);
+  const auto size = static_cast<std::int64_t>(in.tellg());
+  if (size <= 0) return {};
+  std::string end(std::min(static_cast<std::size_t>(size), kShownBytes), '\0');
+  in.seekg(size - static_cast<std::int64_t>(end.size()));
+  in.read(end.data(), static_cast<std::streamsize>(end.size()));
+  end.resize(static_cast<std::size_t>(in.gcount()));
+  return end;
 }
 
 /// The ends of what the tasks printed.
 std::string printed_by_tasks(const Folder& folder) {
-  std::string text;
   for (const auto& entry : fs::directory_iterator(folder.path())) {
     if (entry.path().extension() != ".out") continue;
-    std::ifstream in(entry.path());
-    const std::string all((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-    if (all.empty()) continue;
-    text += fmt::format("\n{}: {}", entry.path().string(),
-                        all.substr(all.size() - std::min(all.size(), kShownBytes)));
-    break;
+    const std::string end = end_of(entry.path());
+    if (!end.empty()) return fmt::format("\n{}: {}", entry.path().string(), shown_text(end));
   }
-  return text;
+  return {};
 }
 
 }  // namespace
@@ -219,7 +246,7 @@ bool compute_with_slurm(const Campaign& campaign, const Folder& folder, Results&
   if (!job.id.empty()) options.say(fmt::format("follows Slurm job {} of an earlier call", job.id));
   for (int poll = 0; !results.is_complete(); ++poll) {
     if (!job.id.empty() && poll % kQueuePolls == 0) {
-      const JobState state = state_of(job.id);
+      const JobState state = state_of(job.id, campaign);
       if (state == JobState::kUnknown && !is_unknown) options.say("Slurm does not answer; waits");
       is_unknown = state == JobState::kUnknown;
       if (state == JobState::kGone) {
@@ -253,7 +280,8 @@ bool compute_with_slurm(const Campaign& campaign, const Folder& folder, Results&
     results.refresh(folder.path());
   }
   // tasks that compute what stop_at_violation does not need
-  if (!job.id.empty() && results.needed() < campaign.run_count()) {
+  if (!job.id.empty() && results.needed() < campaign.run_count() &&
+      state_of(job.id, campaign) == JobState::kThere) {
     static_cast<void>(run({"scancel", job.id}));
   }
   return true;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -17,6 +18,7 @@
 
 #include "tests/loopback/campaign/campaign_support.h"
 #include "tests/support/port.h"
+#include "tests/support/text.h"
 
 namespace palpate {
 namespace {
@@ -205,7 +207,8 @@ TEST_F(SlurmSweep, GivesTheTableOfALocalRunWhateverIsKilledInTheMiddle) {
 }
 
 /// Programs of this folder stand in for those of Slurm: sbatch warns on standard error, notes its
-/// arguments and computes the only task; squeue notes its arguments and knows no job.
+/// arguments and computes the only task; squeue notes its arguments and prints one line of the file
+/// queue for each call, at last its last one; scancel notes its arguments.
 class StandIns {
  public:
   explicit StandIns(const test::TempFolder& folder)
@@ -214,7 +217,10 @@ class StandIns {
           "#!/bin/sh\ncd \"$(dirname \"$0\")\"\nprintf '%s\\0' \"$@\" > sbatch.words\n"
           "for script; do :; done\necho 'sbatch: warning: 12 nodes are down' >&2\n"
           "SLURM_ARRAY_TASK_ID=0 sh \"$script\" || exit\necho '7;cluster'\n");
-    write(folder, "squeue", "#!/bin/sh\necho \"$@\" >> \"$(dirname \"$0\")/squeue.words\"\n");
+    write(folder, "squeue",
+          "#!/bin/sh\ncd \"$(dirname \"$0\")\"\necho \"$@\" >> squeue.words\n"
+          "[ ! -f queue ] || head -n $(wc -l < squeue.words) queue | tail -n 1\n");
+    write(folder, "scancel", "#!/bin/sh\necho \"$@\" >> \"$(dirname \"$0\")/scancel.words\"\n");
     ::setenv("PATH", (folder.path().string() + ":" + path_).c_str(), 1);
   }
   ~StandIns() { ::setenv("PATH", path_.c_str(), 1); }
@@ -263,6 +269,72 @@ TEST_F(SlurmSweep, RefusesAJobThatIsNoNumber) {
     EXPECT_FALSE(fs::exists(mark)) << job;
     EXPECT_FALSE(fs::exists(programs.path() / "squeue.words")) << job;
   }
+}
+
+TEST_F(SlurmSweep, CancelsNoJobOfAnotherNameOrUser) {
+  const test::TempFolder programs;
+  const StandIns stand_ins(programs);
+  campaign_ = files_.write(
+      "stop.txtpb", test::replaced(test::kSmallCampaign, "at_least: -1\n", "at_least: -1e-6\n") +
+                        "stop_at_violation: true\n");
+  ASSERT_EQ(run_program("palpate", arguments_of("stop", {"--workers", "1"})).status, 1);
+  const std::string user = std::to_string(::geteuid());
+  const auto is_cancelled = [&](const std::string& queue) {
+    programs.write("queue", queue + "\n");
+    std::ofstream(path("stop") + "/slurm.job") << "777 2\n";
+    const auto outcome =
+        run_program("palpate", arguments_of("stop", {"--slurm", "--workers", "1", "--overwrite"}));
+    EXPECT_EQ(outcome.status, 1) << outcome.err;
+    return fs::exists(programs.path() / "scancel.words");
+  };
+  EXPECT_FALSE(is_cancelled("RUNNING " + user + " simulation"));
+  EXPECT_FALSE(is_cancelled("RUNNING " + user + "0 palpate-small"));
+  EXPECT_FALSE(is_cancelled("RUNNING " + user + " my palpate-small"));
+  EXPECT_FALSE(is_cancelled("COMPLETED " + user + " palpate-small"));
+  EXPECT_TRUE(is_cancelled("RUNNING " + user + " palpate-small"));
+  EXPECT_EQ(text_of(programs.path() / "scancel.words"), "777\n");
+}
+
+TEST_F(SlurmSweep, WaitsForAJobInEveryStateInWhichItHasNotEnded) {
+  const test::TempFolder programs;
+  const StandIns stand_ins(programs);
+  const std::string own = " " + std::to_string(::geteuid()) + " palpate-small\n";
+  std::string queue;
+  int waits = 0;
+  for (const char* state : {"POWER_UP_NODE", "STOPPED", "REQUEUE_HOLD", "RESV_DEL_HOLD",
+                            "SPECIAL_EXIT", "REQUEUE_FED"}) {
+    queue += state + own;
+    ++waits;
+  }
+  programs.write("queue", queue + "NODE_FAIL" + own);
+  fs::create_directory(path("held"));
+  std::ofstream(path("held") + "/slurm.job") << "5 1\n";
+
+  const auto outcome = run_program("palpate", arguments_of("held", {"--slurm", "--workers", "1"}));
+
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("Slurm job 5 has ended with 160 runs left"));
+  const std::string words = text_of(programs.path() / "squeue.words");
+  EXPECT_GT(std::count(words.begin(), words.end(), '\n'), waits);
+}
+
+TEST_F(SlurmSweep, ShowsWhatTasksPrintedWithoutItsControlCharacters) {
+  const test::TempFolder programs;
+  const StandIns stand_ins(programs);
+  fs::permissions(programs.write("sbatch", "#!/bin/sh\necho 7\n"), fs::perms::owner_all);
+  fs::create_directory(path("theirs"));
+  const std::string printed = path("theirs") + "/slurm-0.out";
+  std::ofstream(printed) << "begin";
+  fs::resize_file(printed, std::uintmax_t{40} << 30U);  // sparse
+  std::ofstream(printed, std::ios::app)
+      << "\n\x1b]0;title\x07 \xc2\x9b;2J \x9b;2J \x7f k ≥ 2, caf\xc3\n\tend\n";
+
+  const auto outcome =
+      run_program("palpate", arguments_of("theirs", {"--slurm", "--workers", "1"}));
+
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.err, HasSubstr("\n?]0;title? ?;2J ?;2J ? k ≥ 2, caf?\n\tend\n"));
+  EXPECT_EQ(outcome.err.find('\x1b'), std::string::npos);
 }
 
 }  // namespace
