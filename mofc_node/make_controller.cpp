@@ -117,8 +117,7 @@ const char* catalogue_name(const MofcConfig& mofc) {
 
 /// From rivals_library.cpp, which is loaded now and stays.
 std::unique_ptr<ForceController> make_rival(const char* name, const ControllerSettings& settings) {
-  const fs::path prefix = fs::read_symlink("/proc/self/exe").parent_path().parent_path();
-  const std::string file = prefix / "lib/palpate/palpate_rivals.so";
+  const std::string file = rivals_library();
   const auto refuse = [&](const std::string& why) {
     throw SetupError("mofc.controller = " + std::string(name) + " is in a library: " + why +
                      "; install the package again, or in a build folder build the target "
@@ -137,6 +136,11 @@ std::unique_ptr<ForceController> make_rival(const char* name, const ControllerSe
 }
 
 }  // namespace
+
+fs::path rivals_library() {
+  const fs::path prefix = fs::read_symlink("/proc/self/exe").parent_path().parent_path();
+  return prefix / "lib/palpate/palpate_rivals.so";
+}
 
 std::unique_ptr<ForceController> make_controller(const MofcConfig& mofc,
                                                  const ClampedDevice& device) {

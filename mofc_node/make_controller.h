@@ -2,6 +2,7 @@
 // make_controller.h — from the session's settings to a controller.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 
 #include "common/session/clamped_device.h"
@@ -10,8 +11,12 @@
 
 namespace palpate::mofc {
 
+/// The library of the controllers published by others: lib/palpate/palpate_rivals.so beside the
+/// folder of this program.
+[[nodiscard]] std::filesystem::path rivals_library();
+
 /// The controller that the session selects, with the device's profile. One published by others is
-/// loaded from lib/palpate/ beside the folder of the program. Throws SetupError if that fails.
+/// loaded from rivals_library(). Throws SetupError if that fails.
 [[nodiscard]] std::unique_ptr<controllers::ForceController> make_controller(
     const MofcConfig& mofc, const ClampedDevice& device);
 

@@ -34,6 +34,12 @@ namespace palpate {
 /// reads them.
 [[nodiscard]] std::vector<std::string> files_of(const Session& session);
 
+/// The file of a session, and every file and folder that it can name with any choice of these
+/// overrides, in any order: those of its text and those of each override. More than one choice
+/// names, never less.
+[[nodiscard]] std::vector<std::string> files_of_any(const std::filesystem::path& file,
+                                                    const std::vector<std::string>& overrides);
+
 /// A complaint about a file that the session names, "organ.ply: no such file", with the place where
 /// it does so: "x.txtpb:12:7: scene.tissue[0].point_cloud.file = …". Any other one as it is.
 [[nodiscard]] std::string with_place(const Session& session, const std::string& complaint);

@@ -122,6 +122,12 @@ std::string command_line(const Campaign& campaign, const Plan& plan) {
 std::vector<double> compute(const Campaign& campaign, const Plan& plan,
                             const std::string& mcap_file, bool may_overwrite) {
   const Session session = load_session(campaign.session_file, plan.overrides);
+  for (const std::string& file : files_of(session)) {
+    if (campaign.marks.contains(file)) continue;
+    throw SetupError(file +
+                     ": was not named when the sweep began, so its results do not depend on it; "
+                     "begin again with another --folder");
+  }
   const RunReport report =
       run_loopback(session, {.seconds = campaign.seconds,
                              .record = {.file = mcap_file, .may_overwrite = may_overwrite},

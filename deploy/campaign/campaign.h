@@ -85,7 +85,8 @@ struct Campaign {
   std::vector<Limit> limits;
   bool stops_at_violation = false;
   /// Of everything that determines the figures of a run: the campaign but for the number of its
-  /// runs, the session, the files that any of its runs names, and this program.
+  /// runs, the session, the files that it and any override name, and this program with its library
+  /// of controllers.
   std::uint64_t fingerprint = 0;
   /// The files that runs read, as they were before the fingerprint was taken.
   std::map<std::string, FileMark> marks;

@@ -16,6 +16,7 @@
 #include "common/session/file/session_rules.h"
 #include "common/session/session_file.h"
 #include "deploy/campaign/campaign.h"
+#include "mofc_node/make_controller.h"
 #include "palpate/v1/campaign.pb.h"
 
 namespace palpate::campaign {
@@ -259,6 +260,20 @@ std::uint64_t fingerprint_of(v1::Campaign written, const std::set<std::string>& 
   return fnv1a(text);
 }
 
+/// All files that any run can read, whatever values it combines.
+std::set<std::string> files_of_runs(const Campaign& campaign) {
+  std::vector<std::string> overrides = campaign.overrides;
+  for (const Dimension& dimension : campaign.dimensions) {
+    for (const Value& value : dimension.values) {
+      overrides.insert(overrides.end(), value.overrides.begin(), value.overrides.end());
+    }
+  }
+  const std::vector<std::string> named = files_of_any(campaign.session_file, overrides);
+  std::set<std::string> files(named.begin(), named.end());
+  files.insert(mofc::rivals_library());  // which any session may come to need
+  return files;
+}
+
 }  // namespace
 
 Campaign load_campaign(const fs::path& file, std::optional<std::uint64_t> runs) {
@@ -289,26 +304,11 @@ Campaign load_campaign(const fs::path& file, std::optional<std::uint64_t> runs) 
   }
   const Session first = load_session(campaign.session_file, plan_of(campaign, 0).overrides);
   campaign.seconds = written.has_seconds() ? written.seconds() : first.duration_s;
-  std::set<std::string> files;
-  const auto add_files_of = [&](const Session& session) {
-    for (std::string& name : files_of(session)) files.insert(std::move(name));
-  };
-  add_files_of(first);
   for (std::uint64_t cell = 1; cell < std::min(campaign.cells(), kMaxCellsChecked); ++cell) {
     const Plan plan = plan_of(campaign, cell * campaign.runs_per_cell);
-    add_files_of(load_session(campaign.session_file, plan.overrides));
+    static_cast<void>(load_session(campaign.session_file, plan.overrides));
   }
-  for (const Dimension& dimension : campaign.dimensions) {
-    for (const Value& value : dimension.values) {
-      std::vector<std::string> overrides = plan_of(campaign, 0).overrides;
-      overrides.insert(overrides.end(), value.overrides.begin(), value.overrides.end());
-      try {
-        add_files_of(load_session(campaign.session_file, overrides));
-      } catch (const SetupError&) {
-        // a value that needs those of other dimensions; its runs are refused, or in a cell above
-      }
-    }
-  }
+  const std::set<std::string> files = files_of_runs(campaign);
   for (const std::string& name : files) campaign.marks[name] = mark_of(name);
   campaign.fingerprint = fingerprint_of(written, files);
   campaign.files.assign(files.begin(), files.end());

@@ -1,16 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/session/session_file.h"
 
+#include <google/protobuf/message.h>
+#include <google/protobuf/stubs/logging.h>
 #include <google/protobuf/text_format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
+#include <memory>
 
 #include "common/core/check.h"
 #include "common/core/problems.h"
 #include "common/core/user/files.h"
 #include "common/session/file/convert.h"
+#include "common/session/file/session_outline.h"
 #include "common/session/file/session_text.h"
 
 namespace palpate {
@@ -19,7 +24,12 @@ namespace {
 
 constexpr std::uintmax_t kMaxSessionFileBytes = 16'000'000;  // 10,000 tissues take 2 MB
 
-/// Calls visit(path, file) for the fields that name a file: those are called …file or …folder.
+/// Whether the field names a file: those are called …file or …folder.
+bool is_file(const google::protobuf::FieldDescriptor& field) {
+  return field.name().ends_with("file") || field.name().ends_with("folder");
+}
+
+/// Calls visit(path, file) for the fields that name a file.
 template <class Visit>
 void for_each_file(const google::protobuf::Message& message, const std::string& path,
                    const Visit& visit) {
@@ -38,7 +48,7 @@ void for_each_file(const google::protobuf::Message& message, const std::string& 
         for_each_file(reflection.GetRepeatedMessage(message, field, i),
                       child_path(path, field->name(), i), visit);
       }
-    } else if (field->name().ends_with("file") || field->name().ends_with("folder")) {
+    } else if (is_file(*field)) {
       const std::string file = reflection.GetString(message, field);
       if (!file.empty()) visit(child, file);
     }
@@ -89,6 +99,58 @@ std::vector<std::string> files_of(const Session& session) {
   for_each_file(message, "", [&](const std::string& /*path*/, const std::string& file) {
     files.push_back((folder / file).string());
   });
+  return files;
+}
+
+namespace {
+
+/// Calls visit(path, file) for the files that an override names, whatever it is applied to.
+template <class Visit>
+void for_each_file_of_override(const std::string& assignment, const Visit& visit) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos) return;
+  const std::string path = assignment.substr(0, equals);
+  const std::string value = assignment.substr(equals + 1);
+
+  const google::protobuf::Descriptor* type = v1::Session::descriptor();
+  const google::protobuf::FieldDescriptor* field = nullptr;
+  for (std::size_t begin = 0; begin <= path.size();) {
+    const std::size_t end = std::min(path.find('.', begin), path.size());
+    const std::string name = path.substr(begin, end - begin);
+    field = type == nullptr ? nullptr : type->FindFieldByName(name.substr(0, name.find('[')));
+    if (field == nullptr) return;  // refused where it is applied
+    type = field->message_type();
+    begin = end + 1;
+  }
+
+  const auto& holder = *google::protobuf::MessageFactory::generated_factory()->GetPrototype(
+      field->containing_type());
+  const std::unique_ptr<google::protobuf::Message> scratch(holder.New());
+  const bool is_text = field->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_STRING;
+  if (is_text && !value.starts_with('"') && !value.starts_with('\'')) {
+    if (is_file(*field)) visit(path, value);
+    return;
+  }
+  const google::protobuf::LogSilencer silence;  // what cannot be read is refused, too
+  google::protobuf::TextFormat::Parser parser;
+  parser.SetRecursionLimit(2 * SessionOutline::kMaxDepth);
+  static_cast<void>(parser.ParseFieldValueFromString(value, field, scratch.get()));
+  for_each_file(*scratch, "", visit);
+}
+
+}  // namespace
+
+std::vector<std::string> files_of_any(const std::filesystem::path& file,
+                                      const std::vector<std::string>& overrides) {
+  std::vector<std::string> files{file.string()};
+  const auto add = [&](const std::string& /*path*/, const std::string& name) {
+    files.push_back((file.parent_path() / name).string());
+  };
+  const FileContent content = read_text_file(file, kMaxSessionFileBytes);
+  Problems ignored(file.string());
+  SessionText written(ignored);
+  if (written.read(content.bytes)) for_each_file(written.message(), "", add);
+  for (const std::string& assignment : overrides) for_each_file_of_override(assignment, add);
   return files;
 }
 

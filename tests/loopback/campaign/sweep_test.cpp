@@ -305,6 +305,52 @@ TEST_F(SweepOfFiles, AFolderIsRefusedOnceAFileOfAnyCellHasChanged) {
   EXPECT_EQ(sweep("results").status, 0);
 }
 
+// The option replaces what the choice before it sets; only the second cell reads the chosen file.
+TEST_F(SweepOfFiles, AFileThatOnlyAnotherOptionLeavesInPlaceIsCovered) {
+  files_.write("files.txtpb", R"(
+name: "files"
+session: "press.txtpb"
+seconds: 0.2
+runs: 4
+vary { field: "hand.recorded.file" choice { value: "first.csv" value: "second.csv" } }
+vary { name: "hand"
+       options { option { name: "still" set: "hand={ hold { position_m { z: -0.005 } } }" }
+                 option { name: "recorded" } } }
+report: "max_force_n"
+)");
+  for (const char* changed : {"first.csv", "second.csv"}) {
+    const std::string folder = std::string("results_") + changed;
+    const std::string before = text_of(path(changed));
+    ASSERT_EQ(sweep(folder).status, 0);
+    write_hand(changed, "0.006");
+    const Outcome outcome = sweep(folder);
+    EXPECT_EQ(outcome.status, 2) << changed;
+    EXPECT_THAT(outcome.err, HasSubstr("file of its session")) << changed;
+    files_.write(changed, before);
+  }
+}
+
+// It is loaded where a session names a controller that it has.
+TEST_F(SweepOfFiles, AFolderIsRefusedOnceTheLibraryOfControllersHasChanged) {
+  const auto prefix = files_.path() / "prefix";
+  std::filesystem::create_directories(prefix / "bin");
+  std::filesystem::create_directories(prefix / "lib/palpate");
+  for (const char* file : {"bin/palpate_tools", "lib/palpate/palpate_rivals.so"}) {
+    std::filesystem::copy_file(std::filesystem::path(PALPATE_BINARY_DIR) / ".." / file,
+                               prefix / file);
+  }
+  const std::vector<std::string> arguments{"sweep", path("files.txtpb"), "--folder",
+                                           path("results")};
+  const std::string program = prefix / "bin/palpate_tools";
+  const Outcome first = run_program(program, arguments);
+  ASSERT_EQ(first.status, 0) << first.err;
+  EXPECT_EQ(run_program(program, arguments).status, 0);
+  std::ofstream(prefix / "lib/palpate/palpate_rivals.so", std::ios::app) << "another build";
+  const Outcome changed = run_program(program, arguments);
+  EXPECT_EQ(changed.status, 2);
+  EXPECT_THAT(changed.err, HasSubstr("or the program changed"));
+}
+
 TEST_F(SweepOfFiles, AFileThatChangesWhileItRunsEndsItAndNoResultOfTheNewOneIsKept) {
   {
     Program running("palpate", {"sweep", path("files.txtpb"), "--folder", path("results"), "--runs",
@@ -340,6 +386,18 @@ TEST_F(SweepOfFiles, AFolderWithLinksOrPipesIsRefusedAndTheirTargetsAreLeftAlone
     EXPECT_EQ(outcome.status, 2) << name;
     EXPECT_THAT(outcome.err, AllOf(HasSubstr(name), HasSubstr("holds files only"))) << name;
     EXPECT_EQ(text_of(other), "of another program") << name;
+  }
+}
+
+TEST_F(SweepOfFiles, AFileOfAHugeSizeInTheFolderIsRefusedAndNotReadWhole) {
+  for (const char* name : {"campaign.txt", "worker-0.log", "slurm.job"}) {
+    const std::filesystem::path folder = path(std::string("with_") + name);
+    std::filesystem::create_directory(folder);
+    std::ofstream(folder / name) << "7";
+    std::filesystem::resize_file(folder / name, std::uintmax_t{40} << 30U);  // sparse
+    const Outcome outcome = sweep(folder.filename(), {"--slurm"});
+    EXPECT_EQ(outcome.status, 2) << name;
+    EXPECT_THAT(outcome.err, HasSubstr(name));
   }
 }
 

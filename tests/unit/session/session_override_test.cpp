@@ -187,5 +187,23 @@ TEST(SessionOverride, EndlessBracesAreRefused) {
               HasSubstr("braces nested more than 32 deep"));
 }
 
+TEST(FilesOf, AnyOverridesAreThoseOfTheSessionAndOfEachOverrideWhateverTheOthersDo) {
+  const test::TempFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  const std::string file = folder.write("session.txtpb", R"(
+      name: "files"
+      scene { tissue { tetrahedral_mesh { file: "organ.msh" } } })");
+
+  EXPECT_THAT(
+      files_of_any(file, {"scene={ tissue { half_space {} } }",
+                          "scene.tissue[3].tetrahedral_mesh.file=a.msh",
+                          "side[1].hand.recorded={ file: 'b.csv' }",
+                          "scene.tissue={ tetrahedral_mesh { file: \"c.msh\" } }",
+                          "security.key_folder=\"keys\"", "mofc.controller=none", "seed=file",
+                          "no.such=file", "scene={ tissue { file: \"d.msh\" "}),
+      ::testing::UnorderedElementsAre(file, path("organ.msh"), path("a.msh"), path("b.csv"),
+                                      path("c.msh"), path("keys")));
+}
+
 }  // namespace
 }  // namespace palpate
