@@ -20,6 +20,10 @@ using mcap::Opcode;
 namespace {
 
 constexpr std::uint64_t kMaxRecordBytes = std::uint64_t{64} << 20;
+constexpr std::uint8_t kLastOpcode = 0x0F;             // of version 0
+constexpr std::uint8_t kPrivateOpcodes = 0x80;         // and above
+constexpr std::uint64_t kMessageHead = 2 + 4 + 8 + 8;  // channel, sequence, times
+constexpr std::string_view kZeros("\0\0\0\0", 4);
 constexpr std::uint64_t kMaxRowBytes = std::uint64_t{1} << 20;
 
 }  // namespace
@@ -80,6 +84,8 @@ McapReader::Summary McapReader::read_summary() {
   }
   const bool is_good = take_all(summary);
   if (is_good && !chunks_.empty() && !topics_.empty()) return Summary::kRead;
+  if (is_good) summary_topics_ = std::move(topics_);
+  for (Topic& topic : summary_topics_) topic.messages = 0;
   schemas_.clear();
   topics_.clear();
   chunks_.clear();
@@ -107,37 +113,172 @@ bool McapReader::count_indexed(std::uint64_t length) {
   return true;
 }
 
-/// Scans the records from the beginning up to the first incomplete one. True if it comes to the end
-/// of the data.
+/// Reads the records from the beginning. What is damaged is left out and counted, up to the next
+/// record that can be read. True if it comes to the end of the data.
 bool McapReader::search() {
-  std::uint64_t offset = mcap::kMagic.size();
   bool has_definitions = false;  // before the first chunk
+  bool is_at_end = false;
+  std::uint64_t offset = mcap::kMagic.size();
+  while (offset < file_bytes_) {
+    const std::optional<Record> record = record_at(offset);
+    const bool has_form = record && has_form_of_its_kind(*record);
+    is_at_end = has_form && record->opcode == Opcode::kDataEnd;
+    if (is_at_end || (has_form && record->opcode == Opcode::kFooter)) break;
+    if (record && record->opcode == Opcode::kChunk && chunks_.empty()) {
+      has_definitions = !topics_.empty();
+    }
+    // messages behind a damaged place are known by the channels before it
+    const bool defines =
+        has_form && (record->opcode == Opcode::kSchema || record->opcode == Opcode::kChannel);
+    if (has_form && (defines || is_followed(*record)) && take_record(*record, has_definitions)) {
+      offset = record->end;
+      continue;
+    }
+    // good, if the next one that can be read is not in it
+    const std::uint64_t next = next_sound_record(offset + 1);
+    const bool is_good = has_form && next >= record->end && take_record(*record, has_definitions);
+    unreadable_bytes_ += next - (is_good ? record->end : offset);
+    offset = next;
+  }
+  for (const Topic& topic : summary_topics_) {  // the definition in the data may be damaged
+    Topic* const known = find_topic(topic.id);
+    if (known == nullptr) {
+      topics_.push_back(topic);
+    } else if (known->schema_name.empty()) {
+      *known = topic;
+    }
+  }
+  return is_at_end;
+}
+
+/// Empty unless a record with a known or private opcode, which ends within the file, may begin
+/// here.
+std::optional<McapReader::Record> McapReader::record_at(std::uint64_t offset) const {
   std::string bytes;
-  while (read(offset, kRecordHead, bytes)) {
-    Fields head(bytes);
-    const auto opcode = static_cast<Opcode>(head.number<std::uint8_t>());
-    const auto length = head.number<std::uint64_t>();
-    if (opcode == Opcode::kDataEnd) return true;
-    if (length > file_bytes_ - offset - kRecordHead) return false;
-    const std::uint64_t next = offset + kRecordHead + length;
-    if (opcode == Opcode::kChunk) {
-      if (!read(offset + kRecordHead, 2 * sizeof(std::uint64_t), bytes)) return false;
-      if (chunks_.empty()) has_definitions = !topics_.empty();
+  if (!read(offset, kRecordHead, bytes)) return std::nullopt;
+  Fields head(bytes);
+  const auto opcode = head.number<std::uint8_t>();
+  const auto length = head.number<std::uint64_t>();
+  const bool is_known = (opcode >= 0x01 && opcode <= kLastOpcode) || opcode >= kPrivateOpcodes;
+  if (!is_known || length > file_bytes_ - offset - kRecordHead) return std::nullopt;
+  return Record{static_cast<Opcode>(opcode), offset, offset + kRecordHead + length};
+}
+
+/// By another record, which may be cut by the end of the file.
+bool McapReader::is_followed(const Record& record) const {
+  // the sizes in the head of a chunk agree with each other
+  if (record.opcode == Opcode::kChunk || file_bytes_ - record.end < kRecordHead) return true;
+  if (record_at(record.end)) return true;
+  std::string bytes;
+  if (!read(record.end, kRecordHead, bytes)) return false;
+  Fields head(bytes);
+  const auto opcode = head.number<std::uint8_t>();
+  return opcode >= 0x01 && opcode <= kLastOpcode && head.number<std::uint64_t>() <= kMaxRecordBytes;
+}
+
+/// Whether the sizes in the record agree with its own, for records that belong before DataEnd.
+bool McapReader::has_form_of_its_kind(const Record& record) const {
+  const std::uint64_t length = record.end - record.offset - kRecordHead;
+  constexpr std::uint64_t kHeadBytes = 64;
+  std::string bytes;
+  if (!read(record.offset + kRecordHead, std::min(length, kHeadBytes), bytes)) return false;
+  Fields fields(bytes);
+  switch (record.opcode) {
+    case Opcode::kHeader:
+      return record.offset == mcap::kMagic.size();
+    case Opcode::kFooter:
+      return length == 20 && record.end + mcap::kMagic.size() == file_bytes_;
+    case Opcode::kMessage:
+      return length >= kMessageHead && is_defined(fields.number<std::uint16_t>());
+    case Opcode::kChunk: {
+      fields.take(8 + 8);
+      const auto size = fields.number<std::uint64_t>();
+      fields.number<std::uint32_t>();  // check sum
+      const bool is_compressed = !fields.text().empty();
+      const auto size_here = fields.number<std::uint64_t>();
+      return fields.is_good() && size_here == length - (bytes.size() - fields.rest().size()) &&
+             (is_compressed || size == size_here);
+    }
+    case Opcode::kMessageIndex:
+      fields.number<std::uint16_t>();
+      return fields.number<std::uint32_t>() == length - 6 && fields.is_good();
+    case Opcode::kDataEnd:
+      return length == 4;
+    case Opcode::kSchema:
+    case Opcode::kChannel:
+    case Opcode::kMetadata:
+    case Opcode::kAttachment:
+      return true;  // judged as a whole where it is taken
+    default:
+      return static_cast<std::uint8_t>(record.opcode) >= kPrivateOpcodes;
+  }
+}
+
+/// False if it is malformed.
+bool McapReader::take_record(const Record& record, bool has_definitions) {
+  const std::uint64_t length = record.end - record.offset;
+  std::string bytes;
+  switch (record.opcode) {
+    case Opcode::kChunk: {
+      if (!read(record.offset + kRecordHead, 2 * sizeof(std::uint64_t), bytes)) return false;
       Fields fields(bytes);
       const auto begin_ns = fields.number<std::uint64_t>();
       const auto end_ns = fields.number<std::uint64_t>();
-      chunks_.push_back({begin_ns, end_ns, offset, next - offset});
+      chunks_.push_back({begin_ns, end_ns, record.offset, length});
       if (!has_definitions) take_definitions(chunks_.back());
-    } else if (opcode == Opcode::kMessage) {
-      if (!take_bare_message(offset, next - offset)) return false;
-    } else if (opcode == Opcode::kMetadata) {
-      if (!take_metadata(offset, next - offset)) return false;
-    } else if (opcode == Opcode::kSchema || opcode == Opcode::kChannel) {
-      if (!read(offset + kRecordHead, length, bytes) || !take(opcode, bytes)) return false;
+      return true;
     }
-    offset = next;
+    case Opcode::kMessage:
+      return take_bare_message(record.offset, length);
+    case Opcode::kMetadata:
+      return take_metadata(record.offset, length);
+    case Opcode::kSchema:
+    case Opcode::kChannel:
+      return read(record.offset + kRecordHead, length - kRecordHead, bytes) &&
+             take(record.opcode, bytes);
+    case Opcode::kHeader:
+    case Opcode::kMessageIndex:
+    case Opcode::kAttachment:
+      return true;  // not needed
+    default:
+      unreadable_bytes_ += length;  // private: what it is only its program knows
+      return true;
   }
-  return false;
+}
+
+/// Where the next record begins that holds together, and is followed by another one; or the end of
+/// the file.
+std::uint64_t McapReader::next_sound_record(std::uint64_t from) const {
+  constexpr std::uint64_t kMostBlockBytes = std::uint64_t{1} << 20;
+  std::string block;
+  for (std::uint64_t size = 512; from < file_bytes_ && file_bytes_ - from >= kRecordHead;
+       size = std::min(2 * size, kMostBlockBytes)) {
+    if (!read(from, std::min(size, file_bytes_ - from), block)) break;
+    for (std::size_t i = 0; i + kRecordHead <= block.size(); ++i) {
+      const bool is_long = block.compare(i + 5, 4, kZeros) != 0;  // 4 GiB or more
+      if (is_long || block[i] == '\0' || static_cast<unsigned char>(block[i]) > kLastOpcode)
+        continue;
+      const std::optional<Record> record = record_at(from + i);
+      if (record && record->opcode != Opcode::kHeader && record->opcode != Opcode::kAttachment &&
+          has_form_of_its_kind(*record) && is_followed(*record)) {
+        return record->offset;
+      }
+    }
+    from += block.size() - (kRecordHead - 1);
+  }
+  return file_bytes_;
+}
+
+McapReader::Topic* McapReader::find_topic(std::uint16_t id) {
+  const auto topic = std::find_if(topics_.begin(), topics_.end(),
+                                  [id](const Topic& known) { return known.id == id; });
+  return topic == topics_.end() ? nullptr : &*topic;
+}
+
+bool McapReader::is_defined(std::uint16_t channel_id) const {
+  const auto is_it = [channel_id](const Topic& topic) { return topic.id == channel_id; };
+  return std::any_of(topics_.begin(), topics_.end(), is_it) ||
+         std::any_of(summary_topics_.begin(), summary_topics_.end(), is_it);
 }
 
 /// Messages that follow one another are read at once.
@@ -187,9 +328,7 @@ bool McapReader::take(Opcode opcode, std::string_view content) {
       topic.id = fields.number<std::uint16_t>();
       std::tie(topic.schema_name, topic.schema) = schemas_[fields.number<std::uint16_t>()];
       topic.topic = std::string(fields.text());
-      const bool is_known = std::any_of(topics_.begin(), topics_.end(),
-                                        [&](const Topic& t) { return t.id == topic.id; });
-      if (!is_known) topics_.push_back(topic);
+      if (fields.is_good() && find_topic(topic.id) == nullptr) topics_.push_back(topic);
       break;
     }
     case Opcode::kStatistics: {

@@ -16,8 +16,9 @@ namespace palpate::viewer {
 
 /// Checks everything it reads. Refuses compressed chunks, chunks over 64 MiB, and an index that
 /// covers more bytes than the file has. Without a complete summary, or if it is over 64 MiB or
-/// lists no chunks or no topics, it scans the file from the beginning; truncated or damaged chunks
-/// are skipped and counted. Messages outside chunks are read where it scans.
+/// lists no chunks or no topics, it scans the file from the beginning; what is damaged is skipped
+/// and counted, up to the next record that holds together. Messages outside chunks are read where
+/// it scans: they have no check sum, so that only who decodes them knows whether they are damaged.
 class McapReader {
  public:
   struct Message {
@@ -42,6 +43,8 @@ class McapReader {
   [[nodiscard]] bool is_whole() const { return is_whole_; }
   /// Chunks that could not be read so far: all of them once next() has come to the end.
   [[nodiscard]] std::uint64_t damaged_chunks() const { return damaged_chunks_; }
+  /// Bytes that belong to no record that could be read, nor to a chunk.
+  [[nodiscard]] std::uint64_t unreadable_bytes() const { return unreadable_bytes_; }
   [[nodiscard]] const std::vector<Topic>& topics() const { return topics_; }
   [[nodiscard]] std::size_t chunk_count() const;
   /// Log times of the first and last message; 0 without messages.
@@ -65,11 +68,24 @@ class McapReader {
     bool is_damaged = false;  // found while reading
   };
 
+  struct Record {
+    mcap::Opcode opcode{};
+    std::uint64_t offset = 0;
+    std::uint64_t end = 0;
+  };
+
   [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t length, std::string& bytes) const;
   enum class Summary : std::uint8_t { kRead, kUnusable, kDamaged };
   [[nodiscard]] Summary read_summary();
   [[nodiscard]] bool take_all(std::string_view summary);
   [[nodiscard]] bool search();
+  [[nodiscard]] std::optional<Record> record_at(std::uint64_t offset) const;
+  [[nodiscard]] bool has_form_of_its_kind(const Record& record) const;
+  [[nodiscard]] bool is_followed(const Record& record) const;
+  [[nodiscard]] bool take_record(const Record& record, bool has_definitions);
+  [[nodiscard]] std::uint64_t next_sound_record(std::uint64_t from) const;
+  [[nodiscard]] Topic* find_topic(std::uint16_t id);
+  [[nodiscard]] bool is_defined(std::uint16_t channel_id) const;
   [[nodiscard]] bool take_bare_message(std::uint64_t offset, std::uint64_t length);
   void take_definitions(const Chunk& chunk);
   [[nodiscard]] bool take(mcap::Opcode opcode, std::string_view content);
@@ -87,6 +103,7 @@ class McapReader {
   bool is_whole_ = false;
   std::map<std::uint16_t, std::pair<std::string, std::string>> schemas_;  // names, content
   std::vector<Topic> topics_;
+  std::vector<Topic> summary_topics_;  // of a summary that does not tell where the chunks are
   std::vector<Chunk> chunks_;
   std::vector<std::pair<std::string, mcap::Strings>> metadata_;
   std::uint64_t indexed_bytes_ = 0;  // of chunks and metadata
@@ -97,6 +114,7 @@ class McapReader {
   std::uint64_t from_ns_ = 0;  // seek()
   std::uint64_t to_ns_ = ~std::uint64_t{0};
   std::uint64_t damaged_chunks_ = 0;
+  std::uint64_t unreadable_bytes_ = 0;
 };
 
 }  // namespace palpate::viewer

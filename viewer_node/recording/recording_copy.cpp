@@ -75,6 +75,30 @@ std::string of_other_run(const std::string& topic, std::string_view payload,
   return std::string(payload);
 }
 
+template <class T>
+bool is_frame_of(std::string_view payload) {
+  T message;
+  std::string frame(1, static_cast<char>(kKindOf<T>));
+  frame += payload;
+  return Codec<T>().decode(std::as_bytes(std::span(frame)), message) == DecodeError::kNone;
+}
+/// Whether the message is one of its topic; true for topics of others.
+bool is_readable(const mcap::Channel& channel, std::string_view payload) {
+  static const std::vector<mcap::Channel> ours = recorded_channels();
+  static const mcap::Channel ideal = ideal_channel();
+  const auto is_same = [&](const mcap::Channel& own) {
+    return own.topic == channel.topic && own.schema_name == channel.schema_name;
+  };
+  if (is_same(ideal)) return decode_ideal(payload).has_value();
+  if (std::none_of(ours.begin(), ours.end(), is_same)) return true;
+  if (channel.topic == "/device") return is_frame_of<DeviceBatch>(payload);
+  if (channel.topic == "/mofc") return is_frame_of<MofcBatch>(payload);
+  if (channel.topic == "/physics") return is_frame_of<PhysicsBatch>(payload);
+  if (channel.topic == kSceneTopic) return is_frame_of<SceneState>(payload);
+  if (channel.topic == kMeshTopic) return is_frame_of<MeshFrame>(payload);
+  return channel.topic != kMarkerTopic || decode_marker(payload).has_value();
+}
+
 class Copy {
  public:
   Copy(const std::vector<std::unique_ptr<McapReader>>& sources, const CopyOptions& options)
@@ -271,6 +295,10 @@ class Copy {
     const std::size_t channel = source.channel_of.at(source.head->channel_id);
     const std::string_view payload = source.head->payload;
     const std::uint64_t at_ns = source.time_ns();
+    if (options_.is_recovery && !is_readable(channels_[channel], payload)) {
+      ++result_.unreadable_messages;
+      return;
+    }
     if (at_ns < from_ns_) {
       keep_state(channel, payload);
       return;
@@ -326,6 +354,7 @@ class Copy {
     for (const Source& source : sources_) {
       files += (files.empty() ? "" : ", ") + source.reader.path();
       result_.damaged_chunks += source.reader.damaged_chunks();
+      result_.unreadable_bytes += source.reader.unreadable_bytes();
       const mcap::Strings loss = source.reader.metadata(kLossMetadata);
       const auto it = loss.find("messages_dropped");
       if (it != loss.end()) dropped += std::strtoull(it->second.c_str(), nullptr, 10);
@@ -342,7 +371,9 @@ class Copy {
          {"topics", fmt::format("{}", fmt::join(options_.topics, ","))},
          {"from_s", fmt::format("{:.9g}", static_cast<double>(from_ns_ - begin_ns_) * 1e-9)},
          {"to_s", fmt::format("{:.9g}", static_cast<double>(to_ns_ - begin_ns_) * 1e-9)},
-         {"damaged_chunks", std::to_string(result_.damaged_chunks)}});
+         {"damaged_chunks", std::to_string(result_.damaged_chunks)},
+         {"unreadable_messages", std::to_string(result_.unreadable_messages)},
+         {"unreadable_bytes", std::to_string(result_.unreadable_bytes)}});
   }
 
   const CopyOptions& options_;
@@ -360,6 +391,17 @@ class Copy {
 };
 
 }  // namespace
+
+std::string CopyResult::loss() const {
+  std::string text;
+  const auto add = [&](std::uint64_t count, const char* what) {
+    if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, what);
+  };
+  add(damaged_chunks, "damaged chunks");
+  add(unreadable_messages, "unreadable messages");
+  add(unreadable_bytes, "unreadable bytes");
+  return text;
+}
 
 CopyResult copy_recordings(const std::vector<std::unique_ptr<McapReader>>& sources,
                            const CopyOptions& options,

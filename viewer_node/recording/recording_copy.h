@@ -15,7 +15,8 @@
 namespace palpate::viewer {
 
 /// Metadata of this name in a copy: what was done ("cut", "recover", "merge"), from_s and to_s,
-/// topics, damaged_chunks of the sources, and their files.
+/// topics, damaged_chunks, unreadable_messages and unreadable_bytes of the sources, and their
+/// files.
 inline constexpr const char* kCopyMetadata = "palpate_copy";
 
 struct CopyOptions {
@@ -27,6 +28,8 @@ struct CopyOptions {
   std::vector<std::string> topics{};  ///< empty: all. "/mesh" is also that of every side
   /// Each recording begins when the previous one ends. Otherwise all keep their times.
   bool is_sequence = false;
+  /// Leaves out messages of Palpate that cannot be decoded.
+  bool is_recovery = false;
 };
 
 struct CopyResult {
@@ -34,6 +37,11 @@ struct CopyResult {
   std::uint64_t duplicates = 0;  ///< messages that two recordings contain; written once, unless
                                  ///< one recording follows the other
   std::uint64_t damaged_chunks = 0;
+  std::uint64_t unreadable_messages = 0;  ///< left out by a recovery
+  std::uint64_t unreadable_bytes = 0;     ///< of the sources, outside chunks
+
+  /// What is left out: "1 damaged chunks, 40 unreadable bytes"; empty: nothing.
+  [[nodiscard]] std::string loss() const;
 };
 
 /// Copies the messages of all sources in order of time. A copy that begins later than its source

@@ -88,6 +88,9 @@ std::string RecordingFile::damage() const {
   const auto add = [&](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
   if (mcap_.damaged_chunks() > 0) add(fmt::format("{} damaged chunks", mcap_.damaged_chunks()));
   if (refused_ > 0) add(fmt::format("{} unreadable messages", refused_));
+  if (mcap_.unreadable_bytes() > 0) {
+    add(fmt::format("{} unreadable bytes", mcap_.unreadable_bytes()));
+  }
   if (!mcap_.is_whole()) add("its end: the file was not closed");
   return text;
 }

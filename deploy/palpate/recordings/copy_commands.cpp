@@ -70,15 +70,15 @@ struct CutCommand {
                                    options.to_s, options.from_s));
     }
     const viewer::CopyResult result = copy({input}, options, verbosity);
-    if (result.damaged_chunks == 0) return 0;
-    say(fmt::format("recording {}: {} damaged chunks are left out", input, result.damaged_chunks));
+    if (result.loss().empty()) return 0;
+    say(fmt::format("recording {}: {} are left out", input, result.loss()));
     return kExitFailure;
   }
 };
 
 struct RecoverCommand {
   std::string input;
-  viewer::CopyOptions options{.command = "recover"};
+  viewer::CopyOptions options{.command = "recover", .is_recovery = true};
 
   void add_to(CLI::App& app) {
     add_recording_argument(app, input);
@@ -87,9 +87,10 @@ struct RecoverCommand {
   }
   int run(const Verbosity& verbosity) const {
     const viewer::CopyResult result = copy({input}, options, verbosity);
-    if (!verbosity.is_quiet) {
-      say(fmt::format("{} messages recovered, {} damaged chunks left out", result.messages,
-                      result.damaged_chunks));
+    if (!result.loss().empty()) {
+      say(fmt::format("recording {}: {} left out, the rest is recovered", input, result.loss()));
+    } else if (!verbosity.is_quiet) {
+      say(fmt::format("recording {}: everything in it is recovered", input));
     }
     return 0;
   }
@@ -120,8 +121,8 @@ struct MergeCommand {
       say(fmt::format("{} messages were in two recordings, and are written once",
                       result.duplicates));
     }
-    if (result.damaged_chunks == 0) return 0;
-    say(fmt::format("{} damaged chunks are left out", result.damaged_chunks));
+    if (result.loss().empty()) return 0;
+    say(fmt::format("{} are left out", result.loss()));
     return kExitFailure;
   }
 };

@@ -62,6 +62,7 @@ nlohmann::ordered_json info_json(RecordingFile& recording) {
   json["bytes"] = mcap.file_bytes();
   json["is_whole"] = mcap.is_whole();
   json["damaged_chunks"] = mcap.damaged_chunks();
+  json["unreadable_bytes"] = mcap.unreadable_bytes();
   json["refused_messages"] = recording.refused();
   json["chunks"] = mcap.chunk_count();
   json["begin_ns"] = mcap.begin_ns();

@@ -305,28 +305,43 @@ TEST_F(SweepOfFiles, AFolderIsRefusedOnceAFileOfAnyCellHasChanged) {
   EXPECT_EQ(sweep("results").status, 0);
 }
 
-// The option replaces what the choice before it sets; only the second cell reads the chosen file.
+// The option replaces the scene in which the choice before it names a file; in its cell, no other
+// value of the choice can be set.
 TEST_F(SweepOfFiles, AFileThatOnlyAnotherOptionLeavesInPlaceIsCovered) {
+  const auto write_body = [this](const std::string& name, const std::string& depth_m) {
+    files_.write(name, "v 0.1 0 -" + depth_m + "\nv 0.2 0 -0.1\nv 0.1 0.1 -0.1\nv 0.1 0 -0.2\n" +
+                           "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n");
+  };
+  write_body("first.obj", "0.1");
+  write_body("second.obj", "0.1");
+  files_.write("press.txtpb", R"(
+name: "press"
+device { simulated {} }
+hand { recorded { file: "first.csv" } }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } }
+        tissue { triangle_surface { file: "first.obj" }
+                 kelvin_voigt { stiffness_newton_per_m: 500 } } }
+)");
   files_.write("files.txtpb", R"(
 name: "files"
 session: "press.txtpb"
 seconds: 0.2
 runs: 4
-vary { field: "hand.recorded.file" choice { value: "first.csv" value: "second.csv" } }
-vary { name: "hand"
-       options { option { name: "still" set: "hand={ hold { position_m { z: -0.005 } } }" }
-                 option { name: "recorded" } } }
+vary { field: "scene.tissue[1].triangle_surface.file"
+       choice { value: "first.obj" value: "second.obj" } }
+vary { name: "scene"
+       options { option { name: "flat" set: "scene={ tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }" }
+                 option { name: "body" } } }
 report: "max_force_n"
 )");
-  for (const char* changed : {"first.csv", "second.csv"}) {
+  for (const char* changed : {"first.obj", "second.obj"}) {
     const std::string folder = std::string("results_") + changed;
-    const std::string before = text_of(path(changed));
-    ASSERT_EQ(sweep(folder).status, 0);
-    write_hand(changed, "0.006");
+    const Outcome first = sweep(folder);
+    ASSERT_EQ(first.status, 0) << first.err;
+    write_body(changed, "0.09");
     const Outcome outcome = sweep(folder);
     EXPECT_EQ(outcome.status, 2) << changed;
     EXPECT_THAT(outcome.err, HasSubstr("file of its session")) << changed;
-    files_.write(changed, before);
   }
 }
 

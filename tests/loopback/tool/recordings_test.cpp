@@ -9,10 +9,12 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
+#include "viewer_node/recording/mcap_format.h"
 #include "viewer_node/recording/mcap_reader.h"
 
 namespace palpate {
@@ -234,12 +236,50 @@ TEST_F(RecordingTools, ADamagedRecordingIsSaidToBeDamaged) {
 
   const Outcome recovered = palpate({"recover", path("damaged.mcap"), path("recovered.mcap")});
   EXPECT_EQ(recovered.status, 0) << recovered.err;
-  EXPECT_THAT(recovered.err, HasSubstr("1 damaged chunks left out"));
+  EXPECT_THAT(recovered.err, HasSubstr("damaged.mcap: 1 damaged chunks left out"));
   const json whole = info("recovered.mcap");
   EXPECT_TRUE(whole["is_whole"]);
   EXPECT_EQ(whole["damaged_chunks"], 0);
   EXPECT_EQ(whole["copy"]["damaged_chunks"], "1");
   EXPECT_EQ(table("recovered.mcap"), text_of(path("damaged.csv")));
+}
+
+// Outside chunks there is no check sum.
+TEST_F(RecordingTools, RecoverLeavesOutMessagesThatCannotBeDecoded) {
+  const std::string whole = text_of(path("run.mcap"));
+  viewer::McapReader run(path("run.mcap"));
+  std::uint16_t device = 0;
+  for (const auto& topic : run.topics()) device = topic.topic == "/device" ? topic.id : device;
+  const auto message = [&](std::string_view payload) {
+    std::string bytes;
+    viewer::mcap::Bytes(bytes).head(viewer::mcap::Opcode::kMessage, 22 + payload.size());
+    viewer::mcap::Bytes(bytes).number(device).number(std::uint32_t{0});
+    viewer::mcap::Bytes(bytes).number(std::uint64_t{9}).number(std::uint64_t{9});
+    return bytes.append(payload);
+  };
+  std::string good;
+  while (const auto next = run.next()) {
+    if (next->channel_id == device) good = next->payload;
+  }
+  // up to the first chunk, which the header, definitions and metadata precede
+  std::size_t begin = viewer::mcap::kMagic.size();
+  while (whole[begin] != static_cast<char>(viewer::mcap::Opcode::kChunk)) {
+    viewer::mcap::Fields head(std::string_view(whole).substr(begin + 1));
+    begin += viewer::mcap::kRecordHead + head.number<std::uint64_t>();
+  }
+  std::string damaged = good;
+  for (char& c : damaged) c = '\xff';
+  std::ofstream(path("bare.mcap"), std::ios::binary)
+      << whole.substr(0, begin) << message(good) << message(damaged) << std::string(500, '\x7f')
+      << message(good);
+
+  const Outcome recovered = palpate({"recover", path("bare.mcap"), path("x.mcap"), "--quiet"});
+
+  EXPECT_EQ(recovered.status, 0) << recovered.err;
+  EXPECT_THAT(recovered.err,
+              HasSubstr("bare.mcap: 1 unreadable messages, 500 unreadable bytes left out"));
+  EXPECT_EQ(info("x.mcap")["messages"]["/device"], 2);
+  EXPECT_EQ(info("x.mcap")["copy"]["unreadable_bytes"], "500");
 }
 
 TEST_F(RecordingTools, OneRunHasOneSetOfFigures) {

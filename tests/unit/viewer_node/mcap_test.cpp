@@ -6,7 +6,10 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <random>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -132,14 +135,18 @@ std::string begin_of_file() {
   mcap::Bytes(header).text("").text("other");
   return std::string(mcap::kMagic) + record_of(mcap::Opcode::kHeader, header);
 }
+/// A chunk of these records. @param crc  0: it has none
+std::string chunk_of(std::uint64_t time_ns, const std::string& records, std::uint32_t crc = 0) {
+  std::string chunk;
+  mcap::Bytes(chunk).number(time_ns).number(time_ns);
+  mcap::Bytes(chunk).number(std::uint64_t{records.size()}).number(crc).text("");
+  mcap::Bytes(chunk).number(std::uint64_t{records.size()});
+  return record_of(mcap::Opcode::kChunk, chunk + records);
+}
 /// A valid file whose schema and channel are in its only chunk, with one message.
 std::string with_definitions_in_the_chunk() {
   const std::string records = definitions() + message_of(7, "payload");
-  std::string chunk;
-  mcap::Bytes(chunk).number(std::uint64_t{7}).number(std::uint64_t{7});
-  mcap::Bytes(chunk).number(std::uint64_t{records.size()}).number(std::uint32_t{0}).text("");
-  mcap::Bytes(chunk).number(std::uint64_t{records.size()});
-  return begin_of_file() + record_of(mcap::Opcode::kChunk, chunk + records) +
+  return begin_of_file() + chunk_of(7, records) +
          record_of(mcap::Opcode::kDataEnd, std::string(4, '\0'));
 }
 
@@ -187,6 +194,90 @@ TEST_F(Mcap, MessagesOutsideChunksAreReadWithAndWithoutAnEnd) {
     reader.seek(9);
     EXPECT_EQ(read_messages(reader), std::vector<std::string>{"second"});
   }
+}
+
+// 500 bytes at any place: every message that they do not touch is read.
+TEST_F(Mcap, ReadingGoesOnAfterDamageOutsideChunks) {
+  constexpr std::size_t kDamaged = 500;
+  std::string data = begin_of_file() + definitions();
+  std::vector<std::pair<std::size_t, std::string>> begins;
+  for (int i = 0; i < 60; ++i) {
+    const std::string payload = "message " + std::to_string(i) + std::string(40, '.');
+    begins.emplace_back(data.size(), payload);
+    data += message_of(static_cast<std::uint64_t>(i), payload);
+  }
+  const std::size_t end = data.size();
+  data += record_of(mcap::Opcode::kDataEnd, std::string(4, '\0')) + footer_of(0);
+  std::mt19937 random(3);
+  for (std::size_t at = begins[0].first; at + kDamaged <= end; at += 7) {
+    for (const bool is_zero : {true, false}) {
+      std::string bytes = data;
+      for (std::size_t i = at; i < at + kDamaged; ++i) {
+        bytes[i] = is_zero ? '\0' : static_cast<char>(random());
+      }
+      put_file(bytes);
+      McapReader reader(path);
+      const std::vector<std::string> messages = read_messages(reader);
+      const std::set<std::string> found(messages.begin(), messages.end());
+      for (std::size_t i = 0; i < begins.size(); ++i) {
+        const auto& [begin, payload] = begins[i];
+        const std::size_t next = i + 1 < begins.size() ? begins[i + 1].first : end;
+        if (next <= at || begin >= at + kDamaged) {
+          ASSERT_TRUE(found.contains(payload))
+              << i << " of damage at " << at << (is_zero ? " with zeros, " : ", ") << found.size()
+              << " read, " << reader.unreadable_bytes() << " bytes left out";
+        }
+      }
+      ASSERT_GT(reader.unreadable_bytes(), kDamaged / 2) << at;
+      ASSERT_LT(reader.unreadable_bytes(), kDamaged + 200) << at;
+      ASSERT_TRUE(reader.is_whole()) << at;
+    }
+  }
+}
+
+TEST_F(Mcap, ReadingGoesOnAfterADamagedHeadOfAChunk) {
+  const std::string first = chunk_of(1, message_of(1, "first"));
+  const std::string last = chunk_of(3, message_of(3, "third"));
+  for (const std::size_t at : {0U, 1U, 6U, 8U, 26U, 41U}) {  // opcode, length, sizes
+    std::string middle = chunk_of(2, message_of(2, "second"));
+    middle[at] = static_cast<char>(middle[at] ^ 0x21);
+    put_file(begin_of_file() + definitions() + first + middle + last +
+             record_of(mcap::Opcode::kDataEnd, std::string(4, '\0')) + footer_of(0));
+    McapReader reader(path);
+    EXPECT_EQ(read_messages(reader), (std::vector<std::string>{"first", "second", "third"})) << at;
+    EXPECT_GT(reader.unreadable_bytes(), 0U) << at;
+  }
+}
+
+TEST_F(Mcap, TheEndThatACrashHasCutIsCounted) {
+  const std::string whole = begin_of_file() + definitions() + chunk_of(1, message_of(1, "first"));
+  put_file(whole + std::string(mcap::kMagic.size(), 'x'));
+  McapReader reader(path);
+  EXPECT_FALSE(reader.is_whole());
+  EXPECT_EQ(read_messages(reader), std::vector<std::string>{"first"});
+  EXPECT_EQ(reader.unreadable_bytes(), mcap::kMagic.size());
+}
+
+// The summary repeats schemas and channels; that it lists no chunks must not lose them.
+TEST_F(Mcap, DefinitionsOfADamagedFirstChunkAreTakenFromTheSummary) {
+  const std::string records = definitions() + message_of(7, "first");
+  std::string damaged = chunk_of(7, records, mcap::crc_of(records));
+  damaged.back() = '?';
+  const std::string data = begin_of_file() + damaged + chunk_of(8, message_of(8, "second")) +
+                           record_of(mcap::Opcode::kDataEnd, std::string(4, '\0'));
+  put_file(data + definitions() + footer_of(data.size()));
+  std::vector<std::unique_ptr<McapReader>> sources;
+  sources.push_back(std::make_unique<McapReader>(path));
+  const std::string copy = (folder.path() / "copy.mcap").string();
+
+  const CopyResult result =
+      copy_recordings(sources, {.command = "recover", .file = copy, .is_recovery = true});
+
+  EXPECT_EQ(result.loss(), "1 damaged chunks");
+  McapReader reader(copy);
+  ASSERT_EQ(reader.topics().size(), 1u);
+  EXPECT_EQ(reader.topics()[0].schema, "descriptor");
+  EXPECT_EQ(read_messages(reader), std::vector<std::string>{"second"});
 }
 
 TEST_F(Mcap, ASummaryOverSixtyFourMebibytesIsNotNeeded) {
