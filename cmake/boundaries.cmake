@@ -98,7 +98,7 @@ set(PALPATE_BOUNDARIES
 
   # lockstep ← campaign; launch ← conform; campaign, conform ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/feed,viewer_node/recording,@zmq,@log,@threads"
-  "deploy/campaign:common/*,deploy/lockstep,@wire,@log,@threads"
+  "deploy/campaign:common/*,deploy/lockstep,mofc_node/make_controller.h,@wire,@log,@threads"
   # from a segmentation to a mesh: no session, no wire
   "deploy/scan:common/core,common/core/user,common/contact,physics_node/surfaces,physics_node/files,physics_node/elastic"
   "deploy/launch:common/*,@log,@threads"

@@ -392,7 +392,7 @@ TEST_F(PressingHand, ASignalWritesTheLastTicksOfEachNodeBesideTheRunFolder) {
     EXPECT_EQ(fs::path(path).parent_path(), run_folder_.path());
     std::ifstream in(path);
     std::size_t lines = 0;
-    for (std::string line; std::getline(in, line);) lines += line.starts_with("#") ? 0 : 1;
+    for (std::string line; std::getline(in, line);) lines += line.starts_with("#") ? 0U : 1U;
     EXPECT_EQ(lines, std::stoul(text) + 1);
     EXPECT_GT(lines, kLeastTicks);
     // mofc_node and physics_node may miss ticks of the device on a busy machine
