@@ -166,8 +166,9 @@ std::string with_place(const Session& session, const std::string& complaint) {
     for (const std::filesystem::path& base : {folder, std::filesystem::path(".")}) {
       if (!found.empty() || !complaint.starts_with((base / file).string() + ":")) continue;
       const Place place = written.place(path);
-      found = session.file + ":" + std::to_string(place.line) + ":" + std::to_string(place.column) +
-              ": " + path + " = \"" + one_line(file) + "\": " + complaint;
+      found = session.file + ":" + std::to_string(place.line) + ":" + std::to_string(place.column);
+      found.append(": ").append(path).append(" = \"").append(one_line(file)).append("\": ");
+      found += complaint;
       if (std::filesystem::path(file).is_relative()) {
         found += " (relative to the folder of the session)";
       }

@@ -15,6 +15,10 @@ constexpr double kCoarseResolution_m = 0.2e-3;
 constexpr double kLittleFriction_newton = 0.01;
 constexpr double kFriction_ratio = 0.95;  // of the profile, as the hands-off check found it
 constexpr double kUsualRate_hz = 1000.0;
+/// What disturbs a tick spoils up to so many: a ledger that a burst has emptied fills by and by.
+constexpr double kAftermath = 5.0;
+/// Of the ticks without an answer: those after lease and fallback have ended.
+constexpr double kMostlyLimp = 0.8;
 
 }  // namespace
 
@@ -35,10 +39,11 @@ std::string thousands(double value) {
   return digits;
 }
 
-std::optional<Cause> Causes::found(std::initializer_list<const char*> events) const {
+std::optional<Cause> Causes::found(std::initializer_list<const char*> events,
+                                   double least_share) const {
   for (const char* event : events) {
     const auto it = std::find_if(findings_.begin(), findings_.end(), [&](const RunFinding& one) {
-      return one.grade != Grade::kGood && one.what == event;
+      return one.grade != Grade::kGood && one.what == event && one.share >= least_share;
     });
     if (it != findings_.end()) return Cause{event, "because of the above: " + it->text};
   }
@@ -70,7 +75,15 @@ Cause Causes::of_no_answer() const {
                                        f_.device.late_switches)};
   }
   if (!f_.is_in_real_time) {
-    return {"unknown", "device.reply_us or mofc.wait_for_physics_us leaves no time for an answer"};
+    return {"unknown", "device.reply_us or mofc.wait_for_physics_ms leaves no time for an answer"};
+  }
+  const DeviceCounters& device = f_.device;
+  const std::uint64_t unanswered = device.leased_ticks + device.fallback_ticks + device.limp_ticks;
+  if (ratio(device.limp_ticks, unanswered) >= kMostlyLimp) {
+    return {"mofc_paused",
+            fmt::format("mofc_node was silent for {:.2g} s in all, not late: it was starting, "
+                        "stopped, or kept from its processor (`palpate doctor`)",
+                        static_cast<double>(device.limp_ticks) / f_.device_rate_hz)};
   }
   return {"machine_late",
           "run `palpate doctor`, stop other programs, or use --together device,mofc"};
@@ -106,14 +119,17 @@ Cause Causes::of_no_contact() const {
 }
 
 /// Of the run, not of what the session asks for.
-std::optional<Cause> Causes::disturbance() const {
-  if (auto cause =
-          found({"device_fault", "device_restarted", "mofc_restarted", "physics_restarted",
-                 "physics_silent", "physics_slow", "elastic_failed", "elastic_late", "path_jumps",
-                 "hand_too_fast", "encoder_coarse", "monitor_reduced", "ledger_too_high",
-                 "dead_man_button", "position_frozen", "ticks_unanswered", "ticks_skipped"})) {
-    return cause;
-  }
+std::optional<Cause> Causes::disturbance(double least_share) const {
+  return found(
+      {"device_fault", "device_restarted", "mofc_restarted", "physics_restarted", "physics_silent",
+       "physics_slow", "elastic_failed", "elastic_late", "encoder_coarse", "path_jumps",
+       "hand_too_fast", "monitor_reduced", "ledger_too_high", "dead_man_button", "position_frozen",
+       "ticks_unanswered", "ticks_skipped"},
+      least_share);
+}
+
+/// How much of the run these took is not counted.
+std::optional<Cause> Causes::simulated_disturbance() const {
   if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
   if (!f_.standby_faults.empty() && f_.mofc.standby_ticks > 0) {
     return simulated("simulated_physics", f_.standby_faults);
@@ -145,8 +161,16 @@ std::optional<Cause> Causes::begin_of_run() const {
   return std::nullopt;
 }
 
-std::optional<Cause> Causes::device() const {
-  if (auto cause = found({"no_motor_watchdog", "peak_force"})) return cause;
+std::optional<Cause> Causes::no_friction() const {
+  if (!(f_.coulomb_newton < kLittleFriction_newton)) return std::nullopt;
+  return Cause{"no_friction",
+               fmt::format("by device.profile the device has {:g} N of dry friction, which is what "
+                           "absorbs the energy of sampling: `palpate identify` measures it",
+                           f_.coulomb_newton)};
+}
+
+std::optional<Cause> Causes::device(double least_share) const {
+  if (auto cause = found({"no_motor_watchdog", "peak_force"}, least_share)) return cause;
   const double lowered = f_.device.checked_friction_ratio;
   if (lowered > 0.0 && lowered < kFriction_ratio) {
     return Cause{"friction_lowered",
@@ -154,13 +178,7 @@ std::optional<Cause> Causes::device() const {
                              "identify` measures it",
                              percent(lowered))};
   }
-  if (f_.coulomb_newton < kLittleFriction_newton) {
-    return Cause{
-        "no_friction",
-        fmt::format("by device.profile the device has {:g} N of dry friction, which is what "
-                    "absorbs the energy of sampling: `palpate identify` measures it",
-                    f_.coulomb_newton)};
-  }
+  if (auto cause = no_friction()) return cause;
   if (f_.latency_s >= kLongLatency_s) {
     return Cause{
         "device_latency",
@@ -201,17 +219,35 @@ std::optional<Cause> Causes::physics() const {
   return std::nullopt;
 }
 
-Cause Causes::of_loss() const {
-  if (const auto cause = disturbance()) return *cause;
+std::optional<Cause> Causes::controller_settings() const {
+  if (f_.controller == "mofc paper" || f_.controller == "mofc vector") {
+    return Cause{"mode", "mode " + f_.controller.substr(5) +
+                             " holds back more than mode guard: try --set mofc.mode=guard"};
+  }
+  if (!f_.has_kalman_velocity) {
+    return Cause{"velocity_estimator",
+                 "differences of positions make the damping of the tissue noisy, and that costs "
+                 "energy: mofc.velocity_estimator { kalman {} }, or tissue without damping"};
+  }
+  return std::nullopt;
+}
+
+Cause Causes::of_loss(double loss) const {
+  const double least_share = loss / kAftermath;
+  if (const auto cause = disturbance(least_share)) return *cause;
+  if (f_.is_limited) {
+    if (const auto cause = no_friction()) return *cause;
+  }
+  if (const auto cause = simulated_disturbance()) return *cause;
   if (!f_.is_limited) {
     return {f_.controller == "none" ? "no_controller" : "controller",
             "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
   }
   if (const auto cause = begin_of_run()) return *cause;
-  if (const auto cause = device()) return *cause;
+  if (const auto cause = device(least_share)) return *cause;
   if (const auto cause = physics()) return *cause;
   if (!f_.is_session_known) return {"unknown", "the session cannot be read here, only its figures"};
-  if (!f_.is_local) {
+  if (!f_.is_local && !f_.waits_for_physics) {
     return {"interaction_held", "forces arrive a round trip late: set mofc.interaction=local"};
   }
   if (f_.device_rate_hz < kUsualRate_hz) {
@@ -219,9 +255,10 @@ Cause Causes::of_loss() const {
                                        "tissue softer or more damped",
                                        f_.device_rate_hz)};
   }
+  if (const auto cause = controller_settings()) return *cause;
   return {"tissue_stiff",
-          "the requested force creates energy that the device's friction cannot absorb: softer or "
-          "more damped tissue, or a higher device.rate_hz"};
+          "the requested force creates energy that the device's friction cannot absorb: softer "
+          "tissue, another damping of it, or a higher device.rate_hz"};
 }
 
 }  // namespace palpate

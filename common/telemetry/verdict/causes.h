@@ -31,8 +31,9 @@ class Causes {
   Causes(const RunFacts& facts, const std::vector<RunFinding>& findings)
       : f_(facts), findings_(findings) {}
 
-  /// The first of these that was found and is not good.
-  [[nodiscard]] std::optional<Cause> found(std::initializer_list<const char*> events) const;
+  /// The first of these that was found, is not good and took at least that share of the run.
+  [[nodiscard]] std::optional<Cause> found(std::initializer_list<const char*> events,
+                                           double least_share = 0.0) const;
   /// By `fields` of the session.
   [[nodiscard]] static Cause simulated(const char* what, const std::string& fields);
 
@@ -41,13 +42,17 @@ class Causes {
   [[nodiscard]] Cause of_extracted_energy() const;
   [[nodiscard]] Cause of_no_contact() const;
   /// Why a force that physics asks for is not passive, or not true.
-  [[nodiscard]] Cause of_loss() const;
+  /// @param loss  share of the contact that is lost: what took far less of the run is not its cause
+  [[nodiscard]] Cause of_loss(double loss) const;
 
  private:
-  [[nodiscard]] std::optional<Cause> disturbance() const;
+  [[nodiscard]] std::optional<Cause> disturbance(double least_share) const;
+  [[nodiscard]] std::optional<Cause> simulated_disturbance() const;
   [[nodiscard]] std::optional<Cause> begin_of_run() const;
-  [[nodiscard]] std::optional<Cause> device() const;
+  [[nodiscard]] std::optional<Cause> device(double least_share) const;
+  [[nodiscard]] std::optional<Cause> no_friction() const;
   [[nodiscard]] std::optional<Cause> physics() const;
+  [[nodiscard]] std::optional<Cause> controller_settings() const;
 
   const RunFacts& f_;
   const std::vector<RunFinding>& findings_;

@@ -16,6 +16,7 @@ namespace {
 constexpr double kBadSilence_ratio = 0.10;  // of the ticks without physics
 constexpr double kBadTooFast_ratio = 0.01;  // of the ticks with a hand beyond v_max
 constexpr double kLostTelemetry_ratio = 0.01;
+constexpr double kMostlySilent = 0.7;  // of what is missing: it stood still, it was not slow
 
 Grade grade_above(double value, double fair, double bad) {
   return value >= bad ? Grade::kBad : value >= fair ? Grade::kFair : Grade::kGood;
@@ -52,18 +53,20 @@ class Judge {
     const char* what;
     std::string text;
     std::string remedy = {};
+    double share = 1.0;
   };
   /// Explains itself.
   void add(Event&& event) {
-    findings_.push_back(
-        {event.grade, event.what, event.what, std::move(event.text), std::move(event.remedy)});
+    findings_.push_back({event.grade, event.what, event.what, std::move(event.text),
+                         std::move(event.remedy), event.share});
   }
   void good(const char* what, std::string text) {
     findings_.push_back({Grade::kGood, what, "", std::move(text), ""});
   }
   /// A consequence: of what was found before, or of something else that it names itself.
-  void add(Grade grade, const char* what, const std::string& text, Cause&& cause) {
-    findings_.push_back({grade, what, std::move(cause.what), text, std::move(cause.remedy)});
+  void add(Grade grade, const char* what, const std::string& text, Cause&& cause,
+           double share = 1.0) {
+    findings_.push_back({grade, what, std::move(cause.what), text, std::move(cause.remedy), share});
   }
 
   [[nodiscard]] std::uint64_t ticks() const {
@@ -115,14 +118,15 @@ class Judge {
       add({Grade::kFair, "dead_man_button",
            "no force in " + percent(without_hand) +
                " of the ticks: the dead-man button was not held",
-           "hold device.dead_man_button, or leave it out of the session"});
+           "hold device.dead_man_button, or leave it out of the session", without_hand});
     }
     if (const double frozen = ratio(device.frozen_ticks, ticks()); frozen > 0.0) {
       add({frozen >= kFairRatio ? Grade::kFair : Grade::kGood, "position_frozen",
            "no force in " + percent(frozen) +
                " of the ticks: the positions stood still under a force",
            "check the encoders; an arm at its end stop, or one that leans on something, does the "
-           "same"});
+           "same",
+           frozen});
     }
     if (device.coarse_readings > 0) {
       add({Grade::kBad, "encoder_coarse",
@@ -142,12 +146,20 @@ class Judge {
            "friction",
            "if a person can cut the supply of the motors: device.accept=NO_MOTOR_WATCHDOG"});
     }
-    const double cut = ratio(device.peak_limited_ticks, f_.mofc.contact_ticks);
-    if (const Grade grade = grade_above(cut, kFairRatio, kBadRatio); grade != Grade::kGood) {
-      add({grade, "peak_force",
-           "the device's peak force or slew limit cut the force in " + percent(cut) +
-               " of the contact",
-           "softer tissue, less depth, or a stronger device"});
+    const double cut = std::min(1.0, ratio(device.peak_limited_ticks, f_.mofc.contact_ticks));
+    const Grade grade = grade_above(cut, kFairRatio, kBadRatio);
+    if (grade == Grade::kGood) return;
+    const std::string text = "the device's peak force or slew limit cut the force in " +
+                             percent(cut) + " of the contact";
+    if (!f_.clamp_faults.empty()) {
+      add(grade, "peak_force", text, Causes::simulated("simulated_clamp", f_.clamp_faults), cut);
+    } else if (!f_.is_limited) {  // what oscillates saturates
+      add(grade, "peak_force", text, causes_.of_loss(cut), cut);
+    } else {
+      add({grade, "peak_force", text,
+           "softer tissue, less depth, a stronger device, or what it can do in "
+           "device.peak_force_newton and device.slew_newton_per_s",
+           cut});
     }
   }
 
@@ -191,18 +203,26 @@ class Judge {
           silent >= kBadSilence_ratio ? Grade::kBad : Grade::kFair, "physics_silent",
           "physics was silent, and the force faded, in " + percent(silent) + " of the ticks",
           "see the log of physics_node: it was restarted, stopped, or its steps take long"};
+      event.share = silent;
       if (!f_.physics_faults.empty())
         event.remedy = Causes::simulated("", f_.physics_faults).remedy;
       add(std::move(event));
     }
     const double rate = f_.physics_hz / f_.physics_rate_hz;
     if (rate < kFairPhysicsRate_ratio) {
-      add({rate < kBadPhysicsRate_ratio ? Grade::kBad : Grade::kFair, "physics_slow",
-           fmt::format("physics made {} of {} steps a second", thousands(f_.physics_hz),
-                       thousands(f_.physics_rate_hz)),
-           fmt::format("its steps took up to {:.1f} ms: simplify the scene, lower "
-                       "physics.rate_hz, or give it a processor of its own",
-                       1e3 * to_seconds(f_.physics.worst_compute_time))});
+      const Grade grade = rate < kBadPhysicsRate_ratio ? Grade::kBad : Grade::kFair;
+      const std::string text = fmt::format("physics made {} of {} steps a second",
+                                           thousands(f_.physics_hz), thousands(f_.physics_rate_hz));
+      // while it stood still it made none
+      if (auto silence = causes_.found({"physics_silent"}, kMostlySilent * (1.0 - rate))) {
+        add(grade, "physics_slow", text, std::move(*silence), 1.0 - rate);
+      } else {
+        add({grade, "physics_slow", text,
+             fmt::format("its steps took up to {:.1f} ms: simplify the scene, lower "
+                         "physics.rate_hz, or give it a processor of its own",
+                         1e3 * to_seconds(f_.physics.worst_compute_time)),
+             1.0 - rate});
+      }
     }
     const PhysicsCounters& physics = f_.physics;
     if (ratio(physics.elastic_solves_late, physics.elastic_solves) >= kFairRatio) {
@@ -240,14 +260,21 @@ class Judge {
       add({share >= kBadTooFast_ratio ? Grade::kBad : Grade::kFair, "path_jumps",
            fmt::format("the recorded hand was faster than v_max, {:g} m/s, in {} ticks",
                        f_.v_max_m_per_s, too_fast),
-           path_remedy()});
+           path_remedy(), share});
+      return;
+    }
+    if (auto coarse = causes_.found({"encoder_coarse"})) {
+      add(share >= kBadTooFast_ratio ? Grade::kBad : Grade::kFair, "hand_too_fast",
+          fmt::format("by its positions the hand was faster than v_max, {:g} m/s, in {} ticks",
+                      f_.v_max_m_per_s, too_fast),
+          std::move(*coarse), share);
       return;
     }
     add({share >= kBadTooFast_ratio ? Grade::kBad : Grade::kFair, "hand_too_fast",
          fmt::format("the hand was faster than v_max, {:g} m/s, in {} ticks: there the guarantee "
                      "does not hold",
                      f_.v_max_m_per_s, too_fast),
-         "move more slowly, or raise mofc.guard_settings.v_max_m_per_s"});
+         "move more slowly, or raise mofc.guard_settings.v_max_m_per_s", share});
   }
 
   /// Where the clamp grants, or counts on, more than the device has seen.
@@ -272,7 +299,7 @@ class Judge {
          fmt::format(
              "the clamp counted on more energy than the hand can have put in, in {} answers",
              excesses),
-         disagreement_remedy()});
+         disagreement_remedy(), ratio(excesses, ticks())});
   }
 
   void judge_monitor() {
@@ -281,7 +308,7 @@ class Judge {
     const double share = ratio(device.monitor_reductions, ticks());
     add({share >= kFairRatio ? Grade::kBad : Grade::kFair, "monitor_reduced",
          fmt::format("the monitor on the device reduced {} commands", device.monitor_reductions),
-         disagreement_remedy()});
+         disagreement_remedy(), share});
   }
 
   void judge_ticks() {
@@ -290,11 +317,12 @@ class Judge {
     const double unanswered = 1.0 - answered_ratio(f_.device) - skipped;
     if (skipped > kFewTicks) {
       add(skipped >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_skipped",
-          percent(skipped) + " of the ticks were skipped", causes_.of_late_ticks());
+          percent(skipped) + " of the ticks were skipped", causes_.of_late_ticks(), skipped);
     }
     if (unanswered > kFewTicks) {
       add(unanswered >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_unanswered",
-          percent(unanswered) + " of the ticks were not answered in time", causes_.of_no_answer());
+          percent(unanswered) + " of the ticks were not answered in time", causes_.of_no_answer(),
+          unanswered);
     }
     if (skipped <= kFewTicks && unanswered <= kFewTicks) {
       good("ticks_answered", fmt::format("{:.2f} % of the ticks answered in time",
@@ -325,29 +353,33 @@ class Judge {
     if (grade == Grade::kGood) {
       good("clamped", "the clamp left " + percent(1.0 - clamped) + " of the contact as it is");
     } else {
-      add(grade, "clamped", percent(clamped) + " of the contact was clamped", causes_.of_loss());
+      add(grade, "clamped", percent(clamped) + " of the contact was clamped",
+          causes_.of_loss(clamped));
     }
   }
 
   void judge_force() {
     if (f_.mofc.contact_ticks == 0) return;
-    const auto graded = [&](const char* what, double value, const std::string& text) {
+    /// @param loss  share of the contact that it stands for
+    const auto graded = [&](const char* what, double value, double loss, const std::string& text) {
       if (std::isnan(value)) return;
       const Grade grade = grade_above(value, kFairRatio, kBadRatio);
       if (grade == Grade::kGood) {
         good(what, text);
       } else {
-        add(grade, what, text, causes_.of_loss());
+        add(grade, what, text, causes_.of_loss(loss));
       }
     };
+    // all of the force missing in a share of the contact is its root as rms
     graded("force_error", f_.force_error_rms_ratio,
+           std::min(1.0, f_.force_error_rms_ratio * f_.force_error_rms_ratio),
            "the force is " + percent(f_.force_error_rms_ratio) + " rms off the ideal one");
-    graded("beyond_jnd", f_.beyond_jnd_ratio,
+    graded("beyond_jnd", f_.beyond_jnd_ratio, f_.beyond_jnd_ratio,
            "the difference can be felt in " + percent(f_.beyond_jnd_ratio) + " of the samples");
     if (f_.physics.elastic_bound_newton > 0.0 && f_.maximum_force_newton > 0.0) {
       const double bound = f_.physics.elastic_bound_newton / f_.maximum_force_newton;
       graded(
-          "elastic_bound", bound,
+          "elastic_bound", bound, 0.0,
           fmt::format("the force of elastic tissue is within {:.2g} N of its solution, {} of the "
                       "largest force",
                       f_.physics.elastic_bound_newton, percent(bound)));
@@ -364,7 +396,7 @@ class Judge {
                       excess == 0 ? "no" : thousands(static_cast<double>(excess)),
                       excess >= kBadReversals ? ": the hand chatters" : "");
       if (excess >= kBadReversals) {
-        add(Grade::kBad, "reversals", text, causes_.of_loss());
+        add(Grade::kBad, "reversals", text, causes_.of_loss(0.0));
       } else {
         good("reversals", text);
       }
@@ -374,7 +406,7 @@ class Judge {
   /// Of elastic tissue; fair at most: nothing is known to be bad.
   void judge_bound(const char* what, std::uint64_t part, std::uint64_t whole, const char* text) {
     if (ratio(part, whole) < kFairRatio) return;
-    add(Grade::kFair, what, percent(ratio(part, whole)) + text, causes_.of_loss());
+    add(Grade::kFair, what, percent(ratio(part, whole)) + text, causes_.of_loss(0.0));
   }
 
   void judge_telemetry() {

@@ -24,6 +24,8 @@ RunFacts facts_of(const Session& session, const Side& side) {
   facts.controller = controller_text(side.mofc);
   facts.is_limited = side.mofc.controller == ControllerKind::kMofc || side.mofc.has_safety_net;
   facts.is_local = side.mofc.interaction == InteractionUse::kLocal;
+  facts.waits_for_physics = side.mofc.wait_for_physics > Duration::zero();
+  facts.has_kalman_velocity = std::holds_alternative<KalmanVelocity>(side.mofc.velocity_estimator);
   facts.is_simulated = !is_real(side.driver);
   facts.device_rate_hz = side.device.rate_hz;
   facts.coulomb_newton = side.device.profile.coulomb_newton;

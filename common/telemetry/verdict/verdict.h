@@ -31,11 +31,13 @@ inline constexpr double kBadPhysicsRate_ratio = 0.70;
 /// What is judged of one device's run. NaN, nullopt or empty where it is not known.
 struct RunFacts {
   // the session
-  bool is_session_known = false;  ///< false: only its controller is, at most
-  std::string controller{};       ///< as controller_text() gives it
-  bool is_limited = true;         ///< by MOFC or behind the safety net
-  bool is_local = false;          ///< mofc.interaction: local
-  bool is_simulated = true;       ///< the device
+  bool is_session_known = false;    ///< false: only its controller is, at most
+  std::string controller{};         ///< as controller_text() gives it
+  bool is_limited = true;           ///< by MOFC or behind the safety net
+  bool is_local = false;            ///< mofc.interaction: local
+  bool waits_for_physics = false;   ///< forces are those of the same tick
+  bool has_kalman_velocity = true;  ///< mofc.velocity_estimator
+  bool is_simulated = true;         ///< the device
   double device_rate_hz = kNaN;
   double physics_rate_hz = kNaN;
   double coulomb_newton = kNaN;         ///< f_co of the profile
@@ -88,6 +90,7 @@ struct RunFinding {
   std::string cause{};   ///< "physics_slow": the finding that explains this one, or itself
   std::string text{};    ///< "physics computed 628 of 1,000 steps a second"
   std::string remedy{};  ///< what to do; empty: nothing
+  double share = 1.0;    ///< of the ticks, or of the contact, that it took; 1: not counted so
 };
 
 /// Never empty. What happened to nodes and device comes first, then what that did to the force.

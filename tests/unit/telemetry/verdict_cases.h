@@ -343,6 +343,78 @@ inline std::vector<VerdictCase> verdict_cases() {
        {"faults.tool_motion.delay_ms=40"}},
       {"tissue too stiff for the device", "tissue_stiff", "softer", "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; }},
+      {"a few late answers, and tissue too stiff for the device", "tissue_stiff", "softer", "bad",
+       [](TroubledRun& run) {
+         unanswered(run, 20);
+         run.mofc.clamped_ticks = 3'000;
+       }},
+      {"a short silence of the physics, and no friction",
+       "no_friction",
+       "dry friction",
+       "bad",
+       [](TroubledRun& run) {
+         run.mofc.stale_ticks = 50;
+         run.mofc.clamped_ticks = 3'000;
+       },
+       {"device.profile.coulomb_newton=0"}},
+      {"a simulated delay of a device without friction",
+       "no_friction",
+       "dry friction",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"device.profile.coulomb_newton=0", "faults.interaction.delay_ms=1"}},
+      {"a limit that is seldom met, and tissue too stiff", "tissue_stiff", "softer", "bad",
+       [](TroubledRun& run) {
+         run.device.peak_limited_ticks = 600;
+         run.mofc.clamped_ticks = 4'700;
+       }},
+      {"an encoder that makes the hand seem fast", "encoder_coarse", "position_resolution_m", "bad",
+       [](TroubledRun& run) {
+         run.device.coarse_readings = 3;
+         run.device.too_fast_readings = 127;
+         run.mofc.clamped_ticks = 3'000;
+       }},
+      {"no controller, and motors at their limit",
+       "no_controller",
+       "mofc.controller=mofc",
+       "bad",
+       [](TroubledRun& run) { run.device.peak_limited_ticks = 4'000; },
+       {"mofc.controller=none"}},
+      {"a clamp that lies, and motors at their limit",
+       "simulated_clamp",
+       "adversary.clamp",
+       "bad",
+       [](TroubledRun& run) { run.device.peak_limited_ticks = 9'000; },
+       {"adversary.clamp=full_force"}},
+      {"forces of the same tick",
+       "device_rate",
+       "device.rate_hz",
+       "fair",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 1'000; },
+       {"mofc.interaction=held", "device.rate_hz=100", "mofc.wait_for_physics_ms=5"}},
+      {"a mode that holds back more",
+       "mode",
+       "mofc.mode=guard",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"mofc.mode=vector"}},
+      {"a noisy velocity",
+       "velocity_estimator",
+       "kalman",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"mofc.velocity_estimator={difference {}}"}},
+      {"a clamp that was stopped for a while",
+       "mofc_paused",
+       "2 s in all",
+       "bad",
+       [](TroubledRun& run) {
+         run.device.answered_ticks -= 2'010;
+         run.device.leased_ticks = 10;
+         run.device.limp_ticks = 2'000;
+       },
+       {},
+       false},
       {"a device that is too weak", "peak_force", "stronger device", "bad",
        [](TroubledRun& run) {
          run.device.peak_limited_ticks = 2'000;
