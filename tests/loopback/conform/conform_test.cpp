@@ -135,9 +135,10 @@ TEST(ConformPhysics, NamesEnergyTheOtherWayRoundAndASideThatIsNotAnswered) {
     runs[fault] = std::make_unique<Conform>(std::vector<std::string>{
         "physics", "--", bin("wrong_physics"), fault, "--session", "{session}"});
   }
-  runs["sides"] = std::make_unique<Conform>(std::vector<std::string>{
-      "physics", "--session", PALPATE_SOURCE_DIR "/deploy/sessions/two_hands.txtpb", "--",
-      bin("wrong_physics"), "sides", "--session", "{session}"});
+  const std::string two_hands = PALPATE_SOURCE_DIR "/deploy/sessions/two_hands.txtpb";
+  runs["sides"] = std::make_unique<Conform>(
+      std::vector<std::string>{"physics", "--session", two_hands, "--", bin("wrong_physics"),
+                               "sides", "--session", "{session}"});
   for (auto& [fault, run] : runs) {
     const Report report = run->report();
     EXPECT_EQ(report.status, 1) << fault << "\n" << report.text << run->err();
@@ -181,10 +182,11 @@ TEST(ConformDevice, RefusesASessionThatIsNotThere) {
 
 // The libraries of others run in the process of the checks.
 TEST(ConformDevice, ADriverThatEndsTheProgramFails) {
+  const std::string library = "device.plugin.library=" PALPATE_WRONG_DEVICE;
   for (const auto& [fault, end] :
        {std::pair{"exits", "with status 0"}, std::pair{"crashes", "by signal 6"}}) {
-    Conform run({"device", kDefaultSession, "--set", "device.plugin.library=" PALPATE_WRONG_DEVICE,
-                 "--set", std::string("device.plugin.options=") + fault, "--trust",
+    Conform run({"device", kDefaultSession, "--set", library, "--set",
+                 std::string("device.plugin.options=") + fault, "--trust",
                  "--i-understand-this-moves-the-device"});
     run.acknowledge("press Enter");
     const Report report = run.report();

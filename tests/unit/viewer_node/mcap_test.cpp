@@ -241,8 +241,10 @@ TEST_F(Mcap, ReadingGoesOnAfterADamagedHeadOfAChunk) {
   for (const std::size_t at : {0U, 1U, 6U, 8U, 26U, 41U}) {  // opcode, length, sizes
     std::string middle = chunk_of(2, message_of(2, "second"));
     middle[at] = static_cast<char>(middle[at] ^ 0x21);
-    put_file(begin_of_file() + definitions() + first + middle + last +
-             record_of(mcap::Opcode::kDataEnd, std::string(4, '\0')) + footer_of(0));
+    std::string file = begin_of_file() + definitions();
+    file.append(first).append(middle).append(last);
+    file += record_of(mcap::Opcode::kDataEnd, std::string(4, '\0')) + footer_of(0);
+    put_file(file);
     McapReader reader(path);
     EXPECT_EQ(read_messages(reader), (std::vector<std::string>{"first", "second", "third"})) << at;
     EXPECT_GT(reader.unreadable_bytes(), 0U) << at;
