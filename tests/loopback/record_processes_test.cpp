@@ -201,10 +201,10 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
 // The page's own subscription begins it; there is no other viewer.
 TEST_F(RecordProcesses, OfWhichNothingCanBeReadAreRefusedByReplay) {
   const std::string whole = path("whole.mcap");
-  ASSERT_EQ(run_program("palpate", {"loopback", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb",
-                                    "--seconds", "0.5", "--record", whole})
-                .status,
-            0);
+  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  ASSERT_EQ(
+      run_program("palpate", {"loopback", session, "--seconds", "0.5", "--record", whole}).status,
+      0);
   std::filesystem::resize_file(whole, std::filesystem::file_size(whole) / 2);  // in its one chunk
 
   const auto replay = run_program("palpate", {"replay", whole, "--no-viewer"});
