@@ -102,8 +102,7 @@ struct ConformPhysics {
     if (!options.session_file.empty()) {
       const Session session = load_session(options.session_file, options.overrides);
       if (options.command.empty()) {
-        static_cast<void>(
-            require_trust(session, foreign_code_of(session, true, false), is_trusted));
+        require_trust(session, foreign_code_of(session, true, false), is_trusted);
       }
       const auto read = files_of(session);
       inputs.insert(inputs.end(), read.begin(), read.end());
@@ -135,7 +134,7 @@ struct ConformDevice {
 
   int run(const Verbosity& verbosity) {
     const Session loaded = with_only_side(session.load(verbosity), side);
-    static_cast<void>(require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted));
+    require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted);
     output.check(loaded, {});
     Findings findings(output);
     // the driver of others may end the program that loads it

@@ -39,7 +39,7 @@ struct IdentifyCommand {
     std::vector<std::string> overrides = session.overrides;
     overrides.emplace_back("device.profile_file=");
     const Session loaded = with_only_side(load_session(session.file, overrides), side);
-    static_cast<void>(require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted));
+    require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted);
     run_identify(loaded, options);
     return 0;
   }

@@ -178,7 +178,6 @@ std::optional<Cause> Causes::device(double least_share) const {
                              "identify` measures it",
                              percent(lowered))};
   }
-  if (auto cause = no_friction()) return cause;
   if (f_.latency_s >= kLongLatency_s) {
     return Cause{
         "device_latency",
