@@ -41,7 +41,9 @@ struct ElasticPatches::Model {
   std::array<Vector3, kElasticSlots> rest_m;
   std::array<Vector3, kElasticSlots> solved_m;  // where the forces of the state want the points
   std::array<Vector3, kElasticSlots> solved_newton;
+  std::array<Vector3, kElasticSlots> placed_m;  // where they are in the state
   std::array<Vector3, kElasticSlots> base_m;
+  std::array<Vector3, kElasticSlots> still_m;     // see SphereSweep
   std::array<Vector3, kElasticSlots> reached_m;   // of a viscous body, in the last sweep,
   std::array<bool, kElasticSlots> has_reached{};  // if it is known
   std::array<Vector3, kElasticSlots> normals;
@@ -128,10 +130,9 @@ class ElasticPatches::Patch {
   }
   void begin(Model& model) noexcept;
   void reach(Model& model) noexcept;
-  void follow_on() noexcept;
   void arrive(Model& model) noexcept;
   void sweep_to(const Vector3& tip_m, double step_s, Model& model) noexcept;
-  bool walk_to(const Vector3& tip_m, int most_steps, double dt_s, Model& model) noexcept;
+  void walk_to(const Vector3& tip_m, double dt_s, int& left, Model& model) noexcept;
   void rub(const Interaction& newest, const Vector3& tip_m, const ElasticState& state,
            ModelForce& force) noexcept;
 
@@ -187,6 +188,7 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
   model.is_present.fill(false);
   model.rest_m.fill(Vector3::Constant(kNowhere_m));
   model.solved_m = model.base_m = model.reached_m = model.rest_m;
+  model.placed_m = model.still_m = model.rest_m;
   model.has_reached.fill(false);
   model.solved_newton.fill(Vector3::Zero());
   model.rigid_give.fill(1.0);
@@ -207,22 +209,6 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
   }
 }
 
-/// The next model begins with the forces of the present one, at the same tip; a viscous body where
-/// it is in that, since the state is late but the tip was followed.
-void ElasticPatches::Patch::follow_on() noexcept {
-  const Model& before = current();
-  Model& model = next();
-  model.is_walking = false;
-  model.at_m = before.at_m;
-  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
-    const bool is_same = model.is_present[slot] && before.is_present[slot] &&
-                         model.state.places[slot].version == before.state.places[slot].version;
-    model.forces_newton[slot] = is_same ? before.forces_newton[slot] : Vector3(Vector3::Zero());
-    model.has_reached[slot] = is_same && before.has_reached[slot];
-    if (model.has_reached[slot]) model.reached_m[slot] = before.reached_m[slot];
-  }
-}
-
 /// Points have arrived, or have been replaced.
 void ElasticPatches::Patch::arrive(Model& model) noexcept {
   const ElasticState& state = model.state;
@@ -238,6 +224,7 @@ void ElasticPatches::Patch::arrive(Model& model) noexcept {
       model.rigid_give[slot] = held.rigid_give;
       model.solved_m[slot] = model.base_m[slot] =
           away_of(state, state.relaxation_s > 0.0 ? place.rest : place.away);
+      model.placed_m[slot] = model.still_m[slot] = away_of(state, place.away);
       model.has_reached[slot] = false;
       model.forces_newton[slot] = model.solved_newton[slot];
     }
@@ -277,6 +264,8 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
       .moved_m = model.moved_m.data(),
       .center_m = tip_m,
       .radius_m = model.state.tip_radius_m,
+      .along = model.state.normal,
+      .still_m = model.still_m.data(),
       .reached_m = model.reached_m.data(),
       .pace = pace_of(model.state.compliance_ratio * model.state.relaxation_s, step_s)};
   // from between the untouched body and the state, where the forces are nearest
@@ -288,6 +277,7 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
   for (std::size_t i = 0; i < kElasticSlots; ++i) {
     if (!model.is_present[i]) continue;
     model.base_m[i] = (1.0 - share) * model.rest_m[i] + share * model.solved_m[i];
+    model.still_m[i] = (1.0 - share) * model.rest_m[i] + share * model.placed_m[i];
     const Vector3 change = model.forces_newton[i] - share * model.solved_newton[i];
     if (!change.isZero(0.0)) add_columns(sphere, i, change, model.moved_m.data());
   }
@@ -320,30 +310,34 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
   }
 }
 
-/// False: it is not there yet.
-/// On its first way to the tip the body comes to rest in every step but the last one.
-bool ElasticPatches::Patch::walk_to(const Vector3& tip_m, int most_steps, double dt_s,
+/// At most `left` steps, less those made. On its first way to the tip the body comes to rest in
+/// every step: how long the way took is not known.
+void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left,
                                     Model& model) noexcept {
   const double longest_m = kStepShare * model.state.tip_radius_m;
   const double steps = std::max(1.0, std::ceil((tip_m - model.at_m).norm() / longest_m));
-  const double step_s = dt_s / steps;
-  for (int i = 0; i < most_steps; ++i) {
+  const double step_s = model.is_walking ? 0.0 : dt_s / steps;
+  while (left-- > 0) {
     const Vector3 way_m = tip_m - model.at_m;
     const double length_m = way_m.norm();
     if (length_m <= longest_m) {
       sweep_to(tip_m, step_s, model);
-      return true;
+      model.is_walking = false;
+      return;
     }
-    sweep_to(model.at_m + longest_m / length_m * way_m, model.is_walking ? 0.0 : step_s, model);
+    sweep_to(model.at_m + longest_m / length_m * way_m, step_s, model);
   }
-  return false;
+  model.is_walking = true;
 }
 
 ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, const Vector3& tip_m,
                                                    double dt_s, double most_newton) noexcept {
-  // a new state waits for the end of a crossing, and of the way of the first model to the tip
-  const bool is_used = current().is_there && current().is_complete;
-  if (has_state_ && !is_crossing_ && !(is_used && current().is_walking)) {
+  // a new state waits for the end of a crossing, and of the way of a model to the tip
+  const auto is_usable = [](const Model& model) { return model.is_there && model.is_complete; };
+  const bool is_used = is_usable(current());
+  const bool is_walking =
+      is_used && (current().is_walking || (is_usable(next()) && next().is_walking));
+  if (has_state_ && !is_crossing_ && !is_walking) {
     has_state_ = false;
     const bool is_next = is_used && current().state.tissue == state_.tissue;
     if (!is_next) next().is_there = false;
@@ -353,18 +347,21 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
 
   Result result{.is_stepped = true, .tissue = current().state.tissue};
   if (!current().is_complete) return {};
-  const bool has_next = next().is_there && next().is_complete;
-  const bool is_there = walk_to(tip_m, has_next ? kMostSteps - 1 : kMostSteps, dt_s, current());
-  current().is_walking = !is_there;
+  const bool has_next = is_usable(next());
+  int left = has_next ? kMostSteps - 1 : kMostSteps;
+  walk_to(tip_m, dt_s, left, current());
+  const bool is_there = !current().is_walking;
   const Model* model = &current();
   result.force = {model->force_on_tool_newton, model->stored_energy_joule, model->is_touching};
-  if (has_next && is_there && !is_crossing_ && next().covers(tip_m)) {
+  if (has_next) {
+    left = std::max(left, 0) + 1;
+    walk_to(tip_m, dt_s, left, next());
+  }
+  if (has_next && is_there && !is_crossing_ && !next().is_walking && next().covers(tip_m)) {
     is_crossing_ = true;
     share_ = 0.0;
-    follow_on();
   }
   if (is_crossing_) {
-    if (has_next) sweep_to(tip_m, dt_s, next());
     const Vector3 difference = next().force_on_tool_newton - model->force_on_tool_newton;
     const double newton = difference.norm();
     share_ = newton > most_newton ? std::min(1.0, share_ + most_newton / newton) : 1.0;

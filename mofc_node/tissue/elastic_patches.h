@@ -17,12 +17,11 @@ namespace palpate::mofc {
 /// contact of the tip with them as physics_node does between two solutions of the body (sweep()).
 ///
 /// A step is valid if the tip touches listed points only, and all of these have arrived that the
-/// tip may touch or that carry a force. The first model of a contact begins where the tip was in
-/// its state, and goes from there to where the tip is in steps of at most a quarter of its radius;
-/// a later one begins with the forces of the model before it, and a viscous body where it is in
-/// that. Between two models the force changes
-/// as in ModelHandover. Until a model is there, and beyond its points, the contact model of the
-/// Interaction counts.
+/// tip may touch or that carry a force. A model of the contact begins with the forces of its state
+/// where the tip was in that, and goes from there to where the tip is in steps of at most a quarter
+/// of its radius: what the model before it had wrong ends with it. Between two models the force
+/// changes as in ModelHandover. Until a model is there, and beyond its points, the contact model of
+/// the Interaction counts.
 ///
 /// 1.5 MB, allocated by the constructor. The other functions neither allocate nor throw. A step
 /// takes at most kMostSteps sweeps of a sphere for each patch; a sweep changes kMostChanges forces

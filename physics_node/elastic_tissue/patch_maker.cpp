@@ -22,7 +22,6 @@ constexpr int kMostColumns = 24;
 constexpr int kRounding = 2;
 // The way of a viscous point that is still to go.
 constexpr double kFarthestRest_m = 0.5;
-constexpr double kMostRatio = 2.0;  // of the compliance, as in CondensedContact
 
 using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 
@@ -230,7 +229,7 @@ double PatchMaker::ratio_of(const std::array<Vector3, kElasticSlots>& forces,
     }
   }
   const double ratio = found / expected;
-  return ratio >= 1.0 / kMostRatio && ratio <= kMostRatio ? ratio : 0.0;
+  return ratio >= kMinComplianceRatio && ratio <= kMaxComplianceRatio ? ratio : 0.0;
 }
 
 /// The state at the points, and what the others press.

@@ -37,8 +37,14 @@ void add_columns(const SphereSweep& sphere, std::size_t point, const Vector3& x,
 int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
           double tolerance_m) noexcept {
   const bool has_friction = sphere.friction_coefficient > 0.0;
+  const bool is_stiff = sphere.still_m != nullptr && !sphere.along.isZero(0.0);
   for (std::size_t i = 0; i < sphere.count; ++i) {
-    const Vector3 away = place_of(sphere, i) - sphere.center_m;
+    Vector3 at_m = place_of(sphere, i);
+    if (is_stiff) {
+      const Vector3& still_m = sphere.still_m[i];
+      at_m = still_m + sphere.along * sphere.along.dot(at_m - still_m);
+    }
+    const Vector3 away = at_m - sphere.center_m;
     sphere.normals[i] = away / std::max(away.norm(), 1e-9);
   }
   for (int sweeps = 0; sweeps < most_sweeps; ++sweeps) {

@@ -25,6 +25,10 @@ inline constexpr std::size_t kElasticSlots = 128;
 inline constexpr double kMaxComplianceMPerNewton = 1e3;  // a millimetre of tissue of 1 Pa
 inline constexpr double kMinComplianceMPerNewton = 1e-12;
 inline constexpr double kMaxElasticRelaxationS = 10.0;
+/// Of the compliance. Soft tissue pressed together over something hard gives way far less than at
+/// rest.
+inline constexpr double kMinComplianceRatio = 0.1;
+inline constexpr double kMaxComplianceRatio = 2.0;
 /// 1 in the integers of the structs below.
 inline constexpr double kElasticScale = 32767.0;
 
@@ -70,7 +74,8 @@ struct ElasticState {
   double friction_coefficient = 0.0;
   double friction_stiffness_newton_per_m = 0.0;  ///< > 0 with friction
   /// Only this tool deforms the body, so it is at rest where nothing presses; the compliance
-  /// between there and here is this multiple of that at rest, ½ … 2.
+  /// between there and here is this multiple of that at rest, kMinComplianceRatio …
+  /// kMaxComplianceRatio.
   bool has_rest = false;
   double compliance_ratio = 1.0;
   /// Of a viscous body [s]: a point at x moves so that x + compliance_ratio · relaxation_s · ẋ is

@@ -147,7 +147,9 @@ void check_state(const v1::ElasticState& state, Verdict& verdict) {
   verdict.expect(state.friction_coefficient() == 0.0 ||
                  state.friction_stiffness_newton_per_m() > 0.0);
   verdict.finite(state.compliance_ratio());
-  if (state.compliance_ratio() != 0.0) verdict.number(state.compliance_ratio(), 0.5, 2.0);
+  if (state.compliance_ratio() != 0.0) {
+    verdict.number(state.compliance_ratio(), kMinComplianceRatio, kMaxComplianceRatio);
+  }
   verdict.unit_vector(state.has_normal(), state.normal());
   verdict.vector(state.has_from_m(), state.from_m(), kMaxPositionM);
   if (state.has_to_m()) verdict.vector(true, state.to_m(), kMaxPositionM);

@@ -127,7 +127,7 @@ TEST(ElasticCodec, RefusesWhatIsNoStiffness) {
   }
   expect_point([](v1::ElasticPoint& p) { p.set_step_m_per_newton(std::nanf("")); },
                DecodeError::kNotFinite);
-  expect_state([](v1::ElasticState& s) { s.set_compliance_ratio(0.4); }, DecodeError::kOutOfRange);
+  expect_state([](v1::ElasticState& s) { s.set_compliance_ratio(0.09); }, DecodeError::kOutOfRange);
   expect_state([](v1::ElasticState& s) { s.set_compliance_ratio(2.1); }, DecodeError::kOutOfRange);
   expect_state([](v1::ElasticState& s) { s.set_tip_radius_m(0.0); }, DecodeError::kOutOfRange);
   expect_state([](v1::ElasticState& s) { s.set_friction_stiffness_newton_per_m(0.0); },
