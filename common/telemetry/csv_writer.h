@@ -49,6 +49,8 @@ class CsvWriter {
   /// Flushes and closes; nothing is written after it.
   void close();
 
+  /// See OutputFile::has_reader().
+  [[nodiscard]] bool has_reader() const { return file_.has_reader(); }
   /// The file's error, reported once; nullopt without one.
   [[nodiscard]] std::optional<std::string> take_error();
 

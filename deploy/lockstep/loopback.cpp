@@ -17,10 +17,11 @@ namespace {
 
 constexpr double kSlice_s = 0.01;  // simulated, between two calls of may_go_on
 
-/// Runs to the end, or until may_go_on says no.
+/// Runs to the end, or until may_go_on says no. Throws ReaderHasLeft.
 /// @return seconds simulated and seconds of wall time
 std::pair<double, double> run_slices(Lockstep& lockstep, const Session& session,
-                                     const LoopbackOptions& options) {
+                                     const LoopbackOptions& options,
+                                     const CsvWriter* csv = nullptr) {
   const SteadyClock wall;
   const TimePoint begin = wall.now();
   const double whole_s = options.seconds.value_or(session.duration_s);
@@ -29,6 +30,7 @@ std::pair<double, double> run_slices(Lockstep& lockstep, const Session& session,
     simulated_s = options.may_go_on ? std::min(slices * kSlice_s, whole_s) : whole_s;
     lockstep.run_until(from_seconds(simulated_s));
     if (options.may_go_on && !options.may_go_on(simulated_s / whole_s)) break;
+    if (options.ends_with_reader && csv != nullptr && !csv->has_reader()) throw ReaderHasLeft();
   }
   return {simulated_s, to_seconds(wall.now() - begin)};
 }
@@ -82,7 +84,7 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
     if (recorder) recorder->pump(*running, row);
   });
   running = &lockstep;
-  std::tie(report.simulated_s, report.wall_s) = run_slices(lockstep, session, options);
+  std::tie(report.simulated_s, report.wall_s) = run_slices(lockstep, session, options, csv.get());
   if (recorder) {
     end_output(options,
                [&] { recorder->finish(lockstep, TimePoint(from_seconds(report.simulated_s))); });

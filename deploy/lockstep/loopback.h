@@ -18,6 +18,7 @@ struct LoopbackOptions {
   std::optional<double> seconds = {};  ///< simulated; none: duration_s of the session
   std::string csv_file = {};           ///< empty: none
   bool may_overwrite = false;          ///< the table
+  bool ends_with_reader = false;       ///< the run, when the reader of the table leaves
   viewer::RecordOptions record{};
   std::string recorded_by = "palpate loopback";
   /// Takes what went wrong with an output that could not be written to its end, while the others
@@ -30,7 +31,7 @@ struct LoopbackOptions {
 };
 
 /// Runs the session. Throws SetupError if a file cannot be created, std::runtime_error if writing
-/// it fails later.
+/// it fails later, ReaderHasLeft with `ends_with_reader`.
 [[nodiscard]] RunReport run_loopback(const Session& session, const LoopbackOptions& options);
 
 /// Runs all sides of the session together. `csv_file` gives one table for each, run.SIDE.csv.

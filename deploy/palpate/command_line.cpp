@@ -60,6 +60,8 @@ int run(int argc, char** argv, const std::function<std::vector<Command>(CLI::App
       if (command.parser->parsed()) return command.run(verbosity);
     }
     return 0;
+  } catch (const ReaderHasLeft&) {
+    return 0;
   } catch (const SetupError& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kExitSetupError;

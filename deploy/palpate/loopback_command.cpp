@@ -139,6 +139,7 @@ struct LoopbackCommand {
       std::fputs((summary_text(loaded, report) + verdict).c_str(), stdout);
     }
     write_json(json, summary_json(loaded, report), lost);
+    output.say_written({output.csv_file, post_mortem_file}, verbosity);
     return 0;
   }
 
@@ -176,6 +177,7 @@ struct LoopbackCommand {
       std::fputs((summary_text(one, reports[i]) + verdict).c_str(), stdout);
     }
     write_json(json, all, lost);
+    output.say_written(tables, verbosity);
     return 0;
   }
 
@@ -194,6 +196,8 @@ struct LoopbackCommand {
     return {.seconds = length_s,
             .csv_file = output.csv_file,
             .may_overwrite = output.may_overwrite,
+            .ends_with_reader = output.json_file.empty() && output.record_file.empty() &&
+                                post_mortem_file.empty(),
             .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
                          .has_ideal = !has_no_ideal}};
   }

@@ -9,6 +9,7 @@
 #include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/import/organ_labels.h"
+#include "deploy/palpate/options.h"
 #include "deploy/palpate/organ.h"
 #include "physics_node/files/ply.h"
 #include "physics_node/files/tetrahedral_files.h"
@@ -101,6 +102,7 @@ struct MakeOrganCommand {
       if (!voxel_mm.empty()) wanted.voxel_mm = {voxel_mm[0], voxel_mm[1], voxel_mm[2]};
       write_file("labels", labels_file, organ_labels_text(wanted, is_nifti), may_overwrite);
     }
+    say_written({cloud_file, mesh_file, block_file, labels_file}, verbosity);
     return 0;
   }
 };

@@ -16,6 +16,17 @@ void say(const std::string& text) {
   std::fprintf(stderr, "%spalpate: %s\n", line_start(STDERR_FILENO).c_str(), text.c_str());
 }
 
+void say_written(const std::vector<std::string>& files, const Verbosity& verbosity) {
+  if (verbosity.is_quiet) return;
+  for (const std::string& file : files) {
+    if (!file.empty() && file != kStandardOutput) say(file + ": written");
+  }
+}
+
+CLI::Validator usual_words(const std::vector<std::string>& words) {
+  return {[](const std::string&) { return std::string(); }, CLI::detail::generate_set(words)};
+}
+
 void SessionOptions::add_to(CLI::App& app) {
   app.add_option("SESSION", file, "session file (*.txtpb)")->required()->type_name("");
   add_override_option(app, overrides);
@@ -80,6 +91,11 @@ void OutputOptions::check(const Session& session, const std::vector<std::string>
   std::vector<NamedOutput> outputs{{"--json", json_file}, {"--record", record_file}};
   for (const std::string& table : tables) outputs.push_back({"--csv", table});
   check_outputs(outputs, inputs, may_overwrite);
+}
+
+void OutputOptions::say_written(std::vector<std::string> tables, const Verbosity& verbosity) const {
+  tables.insert(tables.end(), {json_file, record_file});
+  palpate::say_written(tables, verbosity);
 }
 
 JsonOutput::JsonOutput(const OutputOptions& options) {

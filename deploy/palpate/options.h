@@ -18,6 +18,12 @@ namespace palpate {
 
 /// A line on standard error, of its own also where a status line or progress is shown.
 void say(const std::string& text);
+/// "FILE: written" for each that is a file.
+void say_written(const std::vector<std::string>& files, const Verbosity& verbosity);
+
+/// Words that the value of an option may have or begin with, for its help and for completion in
+/// shells; checks nothing.
+[[nodiscard]] CLI::Validator usual_words(const std::vector<std::string>& words);
 
 /// SESSION and --set.
 struct SessionOptions {
@@ -54,6 +60,8 @@ struct OutputOptions {
   /// @param input   what the command reads beside the session; empty: nothing
   void check(const Session& session, const std::vector<std::string>& tables,
              const std::string& input = {}) const;
+  /// All files, once they are written.
+  void say_written(std::vector<std::string> tables, const Verbosity& verbosity) const;
   [[nodiscard]] viewer::RecordOptions record() const {
     return {.file = record_file, .may_overwrite = may_overwrite};
   }

@@ -59,6 +59,12 @@ std::vector<FaultOutcome> outcomes_of(const std::vector<PlannedFault>& faults) {
 
 }  // namespace
 
+std::vector<std::string> fault_kinds() {
+  std::vector<std::string> kinds;
+  for (const auto& [name, kind] : kWireFaults) kinds.emplace_back(name);
+  return kinds;
+}
+
 PlannedFault parse_fault(const std::string& text) {
   const std::string_view all = text;
   const std::size_t at = all.find('@');
@@ -76,9 +82,7 @@ PlannedFault parse_fault(const std::string& text) {
     }
   }
   std::string kinds;
-  for (const auto& [name, kind] : kWireFaults) {
-    kinds += (kinds.empty() ? "" : ", ") + std::string(name);
-  }
+  for (const std::string& kind : fault_kinds()) kinds += (kinds.empty() ? "" : ", ") + kind;
   throw SetupError("--fault \"" + text +
                    "\": give KIND@SECONDS:MILLISECONDS, such as "
                    "unplugged@2:500; kinds are " +

@@ -60,6 +60,9 @@ struct FaultOutcome {
   bool has_begun = false;     ///< EmulatedDevice::takes_begin_of() was told
 };
 
+/// The kinds of parse_fault(): "unplugged" …
+[[nodiscard]] std::vector<std::string> fault_kinds();
+
 /// "unplugged@2:500": from 2 s on, for 500 ms.
 /// @throws SetupError  another form; the text lists the kinds
 [[nodiscard]] PlannedFault parse_fault(const std::string& text);

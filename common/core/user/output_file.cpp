@@ -191,11 +191,16 @@ std::string OutputFile::temporary_name() const {
 }
 
 bool OutputFile::write(std::string_view bytes) {
-  if (!is_open_) return false;
+  if (!is_open_) return !has_reader_;
   if (file_ < 0 && !create_whole()) return false;
   while (!bytes.empty()) {
     const ssize_t written = ::write(file_, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
+    if (written < 0 && errno == EPIPE && is_standard_output_) {
+      has_reader_ = false;
+      release();
+      return true;
+    }
     if (written < 0) {
       fail(errno);
       return false;

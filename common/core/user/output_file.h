@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +13,10 @@ namespace palpate {
 
 /// Stands for standard output wherever an option names a file to write.
 inline constexpr const char* kStandardOutput = "-";
+
+/// Thrown where nothing is left to do once the reader of standard output has closed its pipe: the
+/// program ends without a message, and with status 0.
+struct ReaderHasLeft : std::exception {};
 
 struct NamedOutput {
   std::string option;  ///< "--csv"
@@ -47,11 +52,14 @@ class OutputFile {
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
 
-  /// False after an error; then nothing more is written.
+  /// False after an error; then nothing more is written. No error is a reader of standard output
+  /// that has what it wanted (`| head`): the rest is dropped.
   bool write(std::string_view bytes);
   /// Gives a kWhole file its name. False after an error.
   bool close();
   [[nodiscard]] bool is_open() const { return is_open_; }
+  /// False once the reader of standard output has closed its pipe.
+  [[nodiscard]] bool has_reader() const { return has_reader_; }
   /// The first error, "csv file run.csv: No space left on device"; empty without one.
   [[nodiscard]] const std::string& complaint() const { return complaint_; }
 
@@ -72,6 +80,7 @@ class OutputFile {
   bool may_overwrite_;
   bool is_standard_output_ = false;
   bool is_open_ = true;
+  bool has_reader_ = true;
   int file_ = -1;
   std::string target_{};   // of a kWhole file: path_ without symbolic links
   std::string partial_{};  // its temporary name, while it has one

@@ -73,14 +73,9 @@ struct EmulateCommand {
     add_side_option(app, side);
     app.add_option(
            "--fault", faults,
-           "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500; kinds: "
-           "unplugged, silent, delayed, garbage, short, wrong_id, stuck, echo, no_watchdog, "
-           "no_supply, uncalibrated, power_cycle, encoder_zero, set_up_anywhere, doubled, "
-           "grip_gone, "
-           "grip_off, grip_frozen, watchdog_20, watchdog_100, watchdog_500, late, one_tick, "
-           "turning, reversed, "
-           "strong")
-        ->type_name("FAULT");
+           "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500")
+        ->type_name("FAULT")
+        ->check(usual_words(device::fault_kinds()));
     app.add_flag("--hands-off", is_let_go,
                  "nobody holds the device, as `palpate identify` requires");
     add_no_realtime_flag(app, has_no_realtime);

@@ -81,9 +81,10 @@ void LaunchCommand::add_to(CLI::App& app) {
   app.add_option_function<std::vector<std::string>>(
          "--together", take_together,
          "run device and mofc in one process and one thread: fast enough for 4 kHz")
-      ->type_name("device,mofc")
+      ->type_name("NODE,NODE")
       ->delimiter(',')
-      ->allow_extra_args(false);
+      ->allow_extra_args(false)
+      ->check(usual_words({"device", "mofc"}));
   CLI::Option* const chosen =
       app.add_option("--nodes", nodes, "run only these nodes here, the others on other machines")
           ->type_name("NODE,…")
@@ -356,6 +357,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   all["flight_recordings"] = flights;
   json.write(all);
   observer.close_files();
+  output.say_written(tables_of(loaded, output), verbosity);
   return exit_status(observer.devices(), result);
 }
 

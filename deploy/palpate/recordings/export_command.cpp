@@ -54,9 +54,7 @@ struct ExportCommand {
       recording.choose_side(side);
       export_csv(recording, csv_file, may_overwrite, show);
     }
-    for (const std::string& written : {foxglove_file, ros_file, csv_file}) {
-      if (!verbosity.is_quiet && !written.empty() && written != "-") say(written + ": written");
-    }
+    say_written({foxglove_file, ros_file, csv_file}, verbosity);
     return status_of_damage(recording);
   }
 };

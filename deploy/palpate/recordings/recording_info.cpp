@@ -157,6 +157,7 @@ void export_csv(RecordingFile& recording, const std::string& csv_file, bool may_
   for_each_row(recording, [&](const TickRow& row) {
     if (on_progress) on_progress(recording.passed_ratio());
     csv.write(row);
+    if (!csv.has_reader()) throw ReaderHasLeft();
   });
   csv.close();
   if (const auto error = csv.take_error()) throw std::runtime_error(*error);

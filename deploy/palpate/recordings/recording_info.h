@@ -16,7 +16,7 @@ namespace palpate {
 
 /// One row per device tick with the columns of CsvWriter; nan where the recording has no value.
 /// The file appears when it is complete. Throws SetupError if it cannot be created or exists and
-/// `may_overwrite` is false, std::runtime_error if writing fails.
+/// `may_overwrite` is false, std::runtime_error if writing fails, ReaderHasLeft.
 /// @param on_progress  called for every row with the share that is read, 0 … 1; may be empty
 void export_csv(RecordingFile& recording, const std::string& csv_file, bool may_overwrite = false,
                 const std::function<void(double)>& on_progress = {});

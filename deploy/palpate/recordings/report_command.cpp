@@ -44,7 +44,7 @@ struct ReportCommand {
     add_overwrite_flag(app, may_overwrite);
   }
   int run(const Verbosity& verbosity) const {
-    if (files.size() == 1 && device::is_fault_file(files.front())) return report_fault();
+    if (files.size() == 1 && device::is_fault_file(files.front())) return report_fault(verbosity);
     if (output.empty() && !is_recomputed) {
       throw SetupError("report: give --output FILE, --recompute, or both");
     }
@@ -62,7 +62,7 @@ struct ReportCommand {
       Progress progress("report", verbosity.is_quiet);
       const std::string html = report_html(recordings, [&](double ratio) { progress.show(ratio); });
       write_file("report", output, html, may_overwrite);
-      if (!verbosity.is_quiet && output != "-") say(output + ": written");
+      say_written({output}, verbosity);
     }
     for (const auto& recording : recordings) {
       status = std::max(status, status_of_damage(*recording));
@@ -72,7 +72,7 @@ struct ReportCommand {
 
  private:
   /// @return  1: the fault or what the monitor decided is not reproduced
-  [[nodiscard]] int report_fault() const {
+  [[nodiscard]] int report_fault(const Verbosity& verbosity) const {
     const device::FaultFile file = device::read_fault_file(files.front());
     const device::Recomputed recomputed = device::recompute_fault(file);
     const std::string text = device::fault_text(file, recomputed);
@@ -81,6 +81,7 @@ struct ReportCommand {
     } else {
       check_outputs({{"--output", output}}, files, may_overwrite);
       write_file("report", output, text, may_overwrite);
+      say_written({output}, verbosity);
     }
     return recomputed.is_same() ? 0 : 1;
   }

@@ -11,11 +11,22 @@ namespace {
 const auto kAll = [](const auto*) { return true; };
 
 /// The value of an option, as far as a shell can complete it.
-enum class Value { kNone, kFile, kSetting, kOther };
+enum class Value { kNone, kFile, kSetting, kWord, kOther };
+
+/// Of "NODE:{device,mofc}": "device mofc"; empty: no list.
+std::string words_of(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  const std::size_t begin = type.find('{');
+  if (begin == std::string::npos || type.back() != '}') return {};
+  std::string words = type.substr(begin + 1, type.size() - begin - 2);
+  std::replace(words.begin(), words.end(), ',', ' ');
+  return words;
+}
 
 Value value_of(const CLI::Option& option) {
   if (option.get_items_expected_max() == 0) return Value::kNone;
   if (option.check_lname("set")) return Value::kSetting;
+  if (!words_of(option).empty()) return Value::kWord;
   const std::string type = option.get_type_name();
   return type.starts_with("FILE") ? Value::kFile : Value::kOther;
 }
@@ -49,6 +60,20 @@ std::vector<const CLI::Option*> options_of(const CLI::App& app, const CLI::App& 
   return options;
 }
 
+/// The words of a command's arguments that need no quotes in a shell; empty: it takes files.
+std::string words_of(const ArgumentWords& arguments, const CLI::App& command) {
+  std::string words;
+  const auto found = arguments.find(command.get_name());
+  if (found == arguments.end()) return words;
+  for (const std::string& word : found->second) {
+    const bool is_plain = std::all_of(word.begin(), word.end(), [](unsigned char c) {
+      return c < 0x80 && (std::isalnum(c) != 0 || c == '_' || c == '-');
+    });
+    if (is_plain) words += (words.empty() ? "" : " ") + word;
+  }
+  return words;
+}
+
 std::string words_of(const CLI::App& app, const CLI::App& command) {
   std::string words;
   for (const CLI::App* sub : command.get_subcommands(kAll)) words += sub->get_name() + " ";
@@ -60,16 +85,22 @@ std::string words_of(const CLI::App& app, const CLI::App& command) {
 }
 
 /// @param settings  of --set: "mofc.mode= mofc.mode=guard …"
-std::string bash(const CLI::App& app, const std::string& settings) {
+std::string bash(const CLI::App& app, const std::string& settings, const ArgumentWords& arguments) {
   std::string commands;
   std::string cases = "    '') words='" + words_of(app, app) + "' ;;\n";
   std::string files;
   std::string others;
+  std::map<std::string, std::string> values;  // of the options with a list
+  std::string no_files;                       // commands whose arguments are words
   const auto note_values = [&](const CLI::App& command) {
     for (const CLI::Option* option : command.get_options(kAll)) {
       const Value value = value_of(*option);
       if (value == Value::kNone) continue;
       for (const std::string& name : names_of(*option)) {
+        if (value == Value::kWord) {
+          values.try_emplace(name, words_of(*option));
+          continue;
+        }
         std::string& list = value == Value::kFile ? files : others;
         if (("|" + list + "|").find("|" + name + "|") == std::string::npos) {
           list += (list.empty() ? "" : "|") + name;
@@ -79,14 +110,21 @@ std::string bash(const CLI::App& app, const std::string& settings) {
   };
   for (const CLI::App* command : app.get_subcommands(kAll)) {
     commands += (commands.empty() ? "" : "|") + command->get_name();
-    cases += "    " + command->get_name() + ") words='" + words_of(app, *command) + "' ;;\n";
+    const std::string own = words_of(arguments, *command);
+    if (!own.empty()) no_files += " && $command != " + command->get_name();
+    cases += "    " + command->get_name() + ") words='" + own + (own.empty() ? "" : " ") +
+             words_of(app, *command) + "' ;;\n";
     note_values(*command);
     for (const CLI::App* sub : command->get_subcommands(kAll)) note_values(*sub);
+  }
+  std::string lists;
+  for (const auto& [name, words] : values) {
+    lists += "    " + name + ") words='" + words + "' ;;\n";
   }
   return "# Completion of palpate for bash, made by `palpate completion bash`.\n"
          "_palpate() {\n"
          "  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]}\n"
-         "  local command='' words='' word\n"
+         "  local command='' words='' word head=''\n"
          "  COMPREPLY=()\n"
          "  # --set FIELD=VALUE; bash takes the = as a word\n"
          "  local at=$COMP_CWORD key='' settings='" +
@@ -125,29 +163,43 @@ std::string bash(const CLI::App& app, const std::string& settings) {
          ") mapfile -t COMPREPLY < <(compgen -f -- \"$current\"); return ;;\n"
          "    " +
          others +
-         ") return ;;\n"
+         ") return ;;\n" +
+         lists +
          "  esac\n"
+         "  if [[ -n $words ]]; then  # one of them, or several with commas\n"
+         "    [[ $current == *,* ]] && head=${current%,*},\n"
+         "    compopt -o nospace 2>/dev/null\n"
+         "    mapfile -t COMPREPLY < <(compgen -P \"$head\" -W \"$words\" -- "
+         "\"${current##*,}\")\n"
+         "    return\n"
+         "  fi\n"
          "  case $command in\n" +
          cases +
          "  esac\n"
          "  mapfile -t COMPREPLY < <(compgen -W \"$words\" -- \"$current\")\n"
-         "  if [[ -n $command && $current != -* ]]; then\n"
+         "  if [[ -n $command && $current != -*" +
+         no_files +
+         " ]]; then\n"
          "    mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -- \"$current\")\n"
          "  fi\n"
          "}\n"
          "complete -o filenames -F _palpate palpate\n";
 }
 
-std::string zsh(const CLI::App& app, const std::string& settings) {
+std::string zsh(const CLI::App& app, const std::string& settings, const ArgumentWords& arguments) {
   constexpr const char* kForbidden = "'[]:";
-  const auto arguments = [&](const CLI::App& command) {
+  const auto options = [&](const CLI::App& command) {
     std::string text;
     for (const CLI::Option* option : options_of(app, command)) {
       for (const std::string& name : names_of(*option)) {
         text += " \\\n        '" + name + "[" + quoted(option->get_description(), kForbidden) + "]";
         const Value value = value_of(*option);
         if (value != Value::kNone) {
-          text += ":" + quoted(option->get_type_name(), kForbidden) + ":";
+          const std::string type = option->get_type_name();
+          text += ":" + quoted(type.substr(0, type.find(":{")), kForbidden) + ":";
+          const bool is_list = option->get_delimiter() != '\0';
+          if (value == Value::kWord && is_list) text += "_values -s , value " + words_of(*option);
+          if (value == Value::kWord && !is_list) text += "(" + words_of(*option) + ")";
           if (value == Value::kFile) text += "_files";
           if (value == Value::kSetting) text += "_palpate_settings";
         }
@@ -165,9 +217,11 @@ std::string zsh(const CLI::App& app, const std::string& settings) {
     for (const CLI::App* sub : command->get_subcommands(kAll)) {
       subcommands += (subcommands.empty() ? "" : " ") + sub->get_name();
     }
-    cases += "      " + command->get_name() + ")\n        _arguments" + arguments(*command) +
+    const std::string own = words_of(arguments, *command);
+    cases += "      " + command->get_name() + ")\n        _arguments" + options(*command) +
              (subcommands.empty() ? "" : " \\\n        '1:command:(" + subcommands + ")'") +
-             " \\\n        '*:file:_files' ;;\n";
+             " \\\n        '*:" +
+             (own.empty() ? "file:_files" : "word:(" + own + ")") + "' ;;\n";
   }
   return "#compdef palpate\n# Completion of palpate for zsh, made by `palpate completion zsh`.\n"
          "# --set FIELD=VALUE: the fields, then the values of the one that is given\n"
@@ -190,7 +244,7 @@ std::string zsh(const CLI::App& app, const std::string& settings) {
          commands +
          "  )\n"
          "  _arguments -C" +
-         arguments(app) +
+         options(app) +
          " \\\n        '1:command:->command' \\\n        '*::argument:->argument'\n"
          "  case $state in\n"
          "    command) _describe command commands ;;\n"
@@ -202,7 +256,7 @@ std::string zsh(const CLI::App& app, const std::string& settings) {
          "_palpate \"$@\"\n";
 }
 
-std::string fish(const CLI::App& app, const std::string& settings) {
+std::string fish(const CLI::App& app, const std::string& settings, const ArgumentWords& arguments) {
   std::string text =
       "# Completion of palpate for fish, made by `palpate completion fish`.\n"
       "# --set FIELD=VALUE: the fields, then the values of the one that is given\n"
@@ -224,6 +278,10 @@ std::string fish(const CLI::App& app, const std::string& settings) {
     const Value value = value_of(option);
     if (value == Value::kFile) text += " -r -F";
     if (value == Value::kOther) text += " -x";
+    if (value == Value::kWord) {
+      text += option.get_delimiter() == '\0' ? " -x -a '" + words_of(option) + "'"
+                                             : " -x -a '(__fish_append , " + words_of(option) + ")'";
+    }
     if (value == Value::kSetting) text += " -x -a '(__palpate_settings)'";
     text += " -d '" + quoted(option.get_description()) + "'\n";
   };
@@ -233,6 +291,9 @@ std::string fish(const CLI::App& app, const std::string& settings) {
     text += "complete -c palpate -n __fish_use_subcommand -a " + command->get_name() + " -d '" +
             quoted(command->get_description()) + "'\n";
     const std::string when = "__fish_seen_subcommand_from " + command->get_name();
+    if (const std::string own = words_of(arguments, *command); !own.empty()) {
+      text += "complete -c palpate -n '" + when + "' -f -a '" + own + "'\n";
+    }
     for (const CLI::App* sub : command->get_subcommands(kAll)) {
       text += "complete -c palpate -n '" + when + "' -a " + sub->get_name() + " -d '" +
               quoted(sub->get_description()) + "'\n";
@@ -247,12 +308,12 @@ std::string fish(const CLI::App& app, const std::string& settings) {
 }  // namespace
 
 std::string completion(const CLI::App& app, const std::string& shell,
-                       const std::vector<std::string>& fields) {
+                       const std::vector<std::string>& fields, const ArgumentWords& arguments) {
   std::string settings;
   for (const std::string& field : fields) settings += (settings.empty() ? "" : " ") + field;
-  if (shell == "bash") return bash(app, settings);
-  if (shell == "zsh") return zsh(app, settings);
-  if (shell == "fish") return fish(app, settings);
+  if (shell == "bash") return bash(app, settings, arguments);
+  if (shell == "zsh") return zsh(app, settings, arguments);
+  if (shell == "fish") return fish(app, settings, arguments);
   throw SetupError("completion: \"" + shell + "\": must be one of bash, zsh, fish");
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,10 +16,17 @@ namespace palpate {
 /// @param command  app or a subcommand of it
 [[nodiscard]] std::string man_page(const CLI::App& app, const CLI::App& command);
 
-/// The completion of every command and option. @param shell  bash, zsh or fish
-/// @param settings  completions after --set: "mofc.mode=", "mofc.mode=guard"
+/// Completions after a command, of its arguments without a name, by command.
+using ArgumentWords = std::map<std::string, std::vector<std::string>>;
+
+/// The completion of every command and option, and of the values of an option whose type has a list
+/// of them: "NODE:{device,mofc}". @param shell  bash, zsh or fish
+/// @param settings   completions after --set: "mofc.mode=", "mofc.mode=guard"
+/// @param arguments  instead of files; words with other characters than a-z A-Z 0-9 _ - are left
+///                   out
 [[nodiscard]] std::string completion(const CLI::App& app, const std::string& shell,
-                                     const std::vector<std::string>& settings = {});
+                                     const std::vector<std::string>& settings = {},
+                                     const ArgumentWords& arguments = {});
 
 /// An entry of docs/glossary.md, without its marks.
 struct GlossaryEntry {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdio>
 #include <memory>
+#include <set>
+#include <sstream>
 
 #include "common/core/check.h"
 #include "common/core/user/nearest.h"
@@ -34,6 +36,16 @@ std::string wrapped(const std::string& text, std::size_t columns) {
   return out + line + "\n";
 }
 
+/// Every name by which explain_term() finds something.
+std::vector<std::string> explained_names() {
+  std::vector<std::string> names = {"materials"};
+  for (const TissueMaterial& material : tissue_materials()) names.emplace_back(material.name);
+  for (const GlossaryEntry& entry : glossary_entries(glossary())) {
+    names.insert(names.end(), entry.names.begin(), entry.names.end());
+  }
+  return names;
+}
+
 int explain_term(const std::string& term) {
   const std::vector<GlossaryEntry> entries = glossary_entries(glossary());
   if (term.empty()) {
@@ -59,12 +71,7 @@ int explain_term(const std::string& term) {
   }
   const std::vector<GlossaryEntry> found = explain(entries, term);
   if (found.empty()) {
-    std::vector<std::string> names = {"materials"};
-    for (const TissueMaterial& material : tissue_materials()) names.emplace_back(material.name);
-    for (const GlossaryEntry& entry : entries) {
-      names.insert(names.end(), entry.names.begin(), entry.names.end());
-    }
-    const std::string meant = nearest(term, names);
+    const std::string meant = nearest(term, explained_names());
     throw SetupError(
         "explain: \"" + term + "\" is not in the glossary; " +
         (meant.empty() ? "`palpate explain` lists all terms" : "did you mean \"" + meant + "\"?"));
@@ -94,6 +101,23 @@ const CLI::App& command_of(const CLI::App& app, const std::vector<std::string>& 
     command = named;
   }
   return *command;
+}
+
+ArgumentWords argument_words(const CLI::App& app) {
+  std::vector<std::string> commands;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    commands.push_back(command->get_name());
+  }
+  // a term of several words is completed word by word
+  std::set<std::string> words;
+  for (const std::string& name : explained_names()) {
+    std::istringstream rest(name);
+    for (std::string word; rest >> word;) words.insert(word);
+  }
+  return {{"completion", {"bash", "zsh", "fish"}},
+          {"explain", {words.begin(), words.end()}},
+          {"help", commands},
+          {"man", commands}};
 }
 
 }  // namespace
@@ -142,7 +166,7 @@ Command add_completion_command(CLI::App& app) {
   auto shell = std::make_shared<std::string>();
   command.add_option("SHELL", *shell, "bash, zsh or fish")->required()->type_name("");
   return {&command, [&app, shell](const Verbosity&) {
-            print(completion(app, *shell, session_paths()));
+            print(completion(app, *shell, session_paths(), argument_words(app)));
             return 0;
           }};
 }

@@ -104,7 +104,7 @@ struct SweepReportCommand {
     app.add_option("--svg", svg_file, "draw the maps to this file, too")->type_name("FILE");
   }
 
-  [[nodiscard]] int run() const {
+  [[nodiscard]] int run(const Verbosity& verbosity) const {
     const Campaign loaded = campaign.load();
     if (!std::filesystem::exists(campaign.folder_of(loaded))) {
       throw SetupError(campaign.folder_of(loaded) +
@@ -122,6 +122,7 @@ struct SweepReportCommand {
                       results.needed() - results.known(), results.needed()));
     }
     svg.write([&] { return map_svg(loaded, results, map); });
+    say_written({svg_file}, verbosity);
     return 0;
   }
 };
@@ -269,6 +270,7 @@ int SweepCommand::run(const Verbosity& verbosity) const {
   if (worst > 0) record_worst(loaded, folder, results);
   csv.write([&] { return csv_text(loaded, results); });
   json.write([&] { return json_lines(loaded, results); });
+  say_written({csv_file, json_file}, verbosity);
   return violations(loaded, results) > 0 ? kExitFailure : 0;
 }
 
@@ -284,7 +286,7 @@ Command add_sweep_command(CLI::App& app) {
   auto report_command = std::make_shared<SweepReportCommand>();
   report_command->add_to(report);
   return {&parser, [&report, sweep, report_command](const Verbosity& verbosity) {
-            return report.parsed() ? report_command->run() : sweep->run(verbosity);
+            return report.parsed() ? report_command->run(verbosity) : sweep->run(verbosity);
           }};
 }
 
