@@ -90,6 +90,9 @@ class Data(TestCase):
         self.assertEqual(repr(surface), "<Surface 'liver': 5000 vertices, 0 triangles>")
         record = self.folder / "run.mcap"
         palpate.loopback(self.file, seconds=1, record=record)
+        with palpate.Telemetry(self.file, ("device", "mofc")) as telemetry:
+            self.assertEqual(repr(telemetry), f"<Telemetry of {str(self.file)!r}: device, mofc>")
+        self.assertRegex(repr(telemetry), ", closed>$")
         self.assertRegex(repr(palpate.Recording(record)), r"^<Recording '.*run.mcap': \w+, [01]\.\d+ s>$")
 
     def test_a_contact_is_checked_when_it_is_made(self) -> None:
@@ -97,6 +100,34 @@ class Data(TestCase):
             palpate.Contact(normal=[0, 0.6, 0.6], penetration=0.001)
         with self.assertRaisesRegex(ValueError, "contact.stiffness = -1"):
             palpate.Contact(normal=[0, 0, 1], penetration=0.001, stiffness=-1)
+
+    def test_a_contact_takes_numbers_only_and_names_what_is_none(self) -> None:
+        for name, value in (
+            ("penetration", True), ("penetration", None), ("penetration", "0.001"), ("stiffness", False),
+            ("normal", "up"), ("normal", (0, 0, True)), ("normal", [[0, 0], [1]]), ("damping", np.bool_(True)),
+            ("surface_velocity", None), ("curvature", "flat"), ("tissue", -1), ("tissue", 0.5), ("tissue", True),
+        ):
+            with self.assertRaisesRegex(ValueError, f"^contact.{name}.* must be "):
+                palpate.Contact(**{"normal": (0, 0, 1), "penetration": 0.001, name: value})
+        palpate.Contact(np.array([0, 0, 1]), np.float32(0.001), stiffness=np.int64(400), tissue=np.uint8(1))
+        with self.assertRaisesRegex(ValueError, "seconds = True: must be a number"):
+            palpate.loopback(self.file, seconds=True)
+
+    def test_overrides_are_dicts_lists_and_numbers_or_refused(self) -> None:
+        figures = palpate.loopback(
+            self.file,
+            {"mofc": {"controller": "none", "mode": "paper"}, "device.rate_hz": np.float64(500), "hand": {"hold": {}}},
+            seconds=0.1,
+        )
+        self.assertEqual(figures["ticks"], 50)
+        self.assertEqual(figures["controller"], "none")
+        with self.assertRaisesRegex(palpate.SetupError, "physics.command names a program"):  # it was taken
+            palpate.loopback(self.file, {"physics.command": ["a, b", 'c"d']}, seconds=0.1)
+        for value in (None, object(), {"mode": None}):
+            with self.assertRaisesRegex(ValueError, r"^sets: mofc.* must be a number, a text"):
+                palpate.loopback(self.file, {"mofc": value}, seconds=0.1)
+        with self.assertRaisesRegex(ValueError, "is a message, not a list"):
+            palpate.loopback(self.file, {"hand.hold.position_m": [0, 0, 0.1]}, seconds=0.1)
 
     def test_booleans_stand_for_on_and_off(self) -> None:
         on = palpate.loopback(self.file, {"device.monitor": True}, seconds=0.1)

@@ -27,15 +27,24 @@ namespace palpate {
   return row.back();
 }
 
-/// The candidate that is most like the word; "" if none is like it. A beginning counts most, as
-/// "mass" of "mass_kg".
-[[nodiscard]] inline std::string nearest(std::string_view word,
+/// "MOFC" → "mofc"; letters of ASCII.
+[[nodiscard]] inline std::string lower_case(std::string_view text) {
+  std::string lower(text);
+  for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return lower;
+}
+
+/// The candidate that is most like the word, whatever the case of letters; "" if none is like it. A
+/// beginning counts most, as "mass" of "mass_kg".
+[[nodiscard]] inline std::string nearest(std::string_view written,
                                          const std::vector<std::string>& candidates) {
+  const std::string word = lower_case(written);
   constexpr std::size_t kMaxBytes = 64;  // longer words are not compared
   if (word.empty() || word.size() > kMaxBytes) return {};
   std::string best;
   std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
-  for (const std::string& candidate : candidates) {
+  for (const std::string& one : candidates) {
+    const std::string candidate = lower_case(one);
     std::size_t distance = edit_distance(word, candidate);
     if (candidate.starts_with(word)) distance = 0;
     if (word.starts_with(candidate) && 2 * candidate.size() >= word.size()) {
@@ -43,7 +52,7 @@ namespace palpate {
     }
     if (distance >= best_distance) continue;
     best_distance = distance;
-    best = candidate;
+    best = one;
   }
   return best;
 }

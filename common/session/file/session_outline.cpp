@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/core/problems.h"
 #include "common/session/file/session_text.h"
 
 namespace palpate {
@@ -23,6 +24,16 @@ class NoErrors : public pb::io::ErrorCollector {
 };
 
 }  // namespace
+
+std::string curly_quote_complaint(std::string_view text) {
+  for (const std::string_view quote : {"“", "”", "„", "‘", "’", "‚", "«", "»"}) {
+    if (text.starts_with(quote)) {
+      return "cannot be read: " + std::string(quote) +
+             " is no quotation mark here; write \" or ' instead";
+    }
+  }
+  return {};
+}
 
 SessionOutline::SessionOutline(std::string_view text, const pb::Descriptor& root)
     : scopes_{{.path = "", .type = &root}} {
@@ -176,8 +187,84 @@ std::optional<SessionOutline::Mistake> SessionOutline::missing_brace() const {
 
 std::optional<TokenPosition> SessionOutline::lost_at() const {
   const auto missing = missing_brace();
+  for (std::size_t i = 0; i < tokens_.size(); ++i) {
+    if (missing && tokens_[i].position >= missing->position) break;
+    if (const auto mistake = unreadable(i)) return mistake->position;
+  }
   if (!missing) return std::nullopt;
   return missing->position;
+}
+
+/// What keeps the rest of the text from being read as it was meant.
+std::optional<SessionOutline::Mistake> SessionOutline::unreadable(std::size_t index) const {
+  auto mistake = foreign_notation(index);
+  if (!mistake) mistake = bad_quotes(index);
+  return mistake ? mistake : unit(index);
+}
+
+/// "1kHz", "10 ms": a number, and in the same line a word that names no field.
+std::optional<SessionOutline::Mistake> SessionOutline::unit(std::size_t index) const {
+  const Token& number = tokens_[index];
+  if (number.type != Tokenizer::TYPE_INTEGER && number.type != Tokenizer::TYPE_FLOAT) return {};
+  if (index + 1 == tokens_.size()) return {};
+  const Token& word = tokens_[index + 1];
+  if (word.type != Tokenizer::TYPE_IDENTIFIER || is_name(index + 1) ||
+      word.position.line != number.position.line) {
+    return {};
+  }
+  return Mistake{number.position,
+                 "cannot be read: " + number.text + " " + word.text +
+                     ": units are not written; give the number alone, in the unit that the name of "
+                     "the field ends with"};
+}
+
+/// Comments and quotation marks of other formats, and JSON.
+std::optional<SessionOutline::Mistake> SessionOutline::foreign_notation(std::size_t index) const {
+  const Token& token = tokens_[index];
+  const std::string next = index + 1 < tokens_.size() ? tokens_[index + 1].text : "";
+  if (token.text == "/" && (next == "/" || next == "*")) {
+    return Mistake{token.position,
+                   "cannot be read: /" + next + " begins no comment here; comments begin with #"};
+  }
+  if (index == 0 && value_of_ == nullptr && token.text == "{") {
+    return Mistake{token.position,
+                   "cannot be read: a session has no braces around it, unlike JSON; remove this one "
+                   "and the last, and write names without quotes"};
+  }
+  if (token.type == Tokenizer::TYPE_STRING && next == ":") {
+    return Mistake{token.position, "cannot be read: " + one_line(token.text) +
+                                       ": names of fields have no quotes, unlike in JSON; leave "
+                                       "them out"};
+  }
+  if (token.type != Tokenizer::TYPE_SYMBOL) return {};
+  std::string bytes = token.text;  // one byte of a character each
+  for (std::size_t i = index + 1; i < std::min(index + 3, tokens_.size()); ++i) {
+    bytes += tokens_[i].text;
+  }
+  const std::string complaint = curly_quote_complaint(bytes);
+  return complaint.empty() ? std::nullopt : std::optional(Mistake{token.position, complaint});
+}
+
+/// A text that does not end, or that stands where a number or a name belongs.
+std::optional<SessionOutline::Mistake> SessionOutline::bad_quotes(std::size_t index) const {
+  const Token& token = tokens_[index];
+  if (token.type != Tokenizer::TYPE_STRING) return {};
+  const std::string& text = token.text;
+  if (text.size() == 1 || text.back() != text.front()) {
+    return Mistake{token.position, "cannot be read: " + one_line(text) + ": the text does not end; " +
+                                       "end it with " + text.front()};
+  }
+  const pb::FieldDescriptor* field = index == 0 ? value_of_ : nullptr;
+  if (index >= 2 && tokens_[index - 1].text == ":" && scopes_[token.scope].type != nullptr) {
+    field = scopes_[token.scope].type->FindFieldByName(tokens_[index - 2].text);
+  }
+  if (field == nullptr || field->cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING ||
+      field->message_type() != nullptr) {
+    return {};
+  }
+  return Mistake{token.position, "cannot be read: " + one_line(text) +
+                                     ": numbers and names have no quotes; write " +
+                                     one_line(text.substr(1, text.size() - 2))};
 }
 
 /// "0,003": to the parser two values.
@@ -211,6 +298,10 @@ std::vector<SessionOutline::Mistake> SessionOutline::mistakes() const {
     const Token& token = tokens_[i];
     if (missing && token.position >= missing->position) break;
     if (auto comma = decimal_comma(i)) mistakes.push_back(std::move(*comma));
+    if (auto mistake = unreadable(i)) {
+      mistakes.push_back(std::move(*mistake));
+      return mistakes;
+    }
     if (!is_name(i)) continue;
     const Scope& scope = scopes_[token.scope];
     const pb::FieldDescriptor* field = scope.type->FindFieldByName(token.text);

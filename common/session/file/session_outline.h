@@ -23,6 +23,10 @@ struct TokenPosition {
   friend auto operator<=>(const TokenPosition&, const TokenPosition&) = default;
 };
 
+/// What is wrong with a text that begins with “, „, ‘, ’ or «, as word processors write quotation
+/// marks; empty: it does not.
+[[nodiscard]] std::string curly_quote_complaint(std::string_view text);
+
 class SessionOutline {
  public:
   /// A field name as it stands in the text.
@@ -60,10 +64,12 @@ class SessionOutline {
     TokenPosition position;
     std::string text;  ///< with what to do
   };
-  /// Fields given twice, two members of a oneof, numbers with a decimal comma, braces that are
-  /// missing or too many; in order.
+  /// Fields given twice, two members of a oneof, numbers with a decimal comma or a unit, notation of
+  /// other formats (// comments, JSON, “quotes”), texts in quotes that are numbers or not closed,
+  /// braces that are missing or too many; in order.
   [[nodiscard]] std::vector<Mistake> mistakes() const;
-  /// Where a brace is missing: from there on names are taken for those of another message.
+  /// Where a brace is missing, or what follows is not as it was meant: from there on names are taken
+  /// for others.
   [[nodiscard]] std::optional<TokenPosition> lost_at() const;
 
  private:
@@ -90,6 +96,10 @@ class SessionOutline {
   [[nodiscard]] bool is_name(std::size_t index) const;
   [[nodiscard]] std::optional<Mistake> missing_brace() const;
   [[nodiscard]] std::optional<Mistake> decimal_comma(std::size_t index) const;
+  [[nodiscard]] std::optional<Mistake> unit(std::size_t index) const;
+  [[nodiscard]] std::optional<Mistake> foreign_notation(std::size_t index) const;
+  [[nodiscard]] std::optional<Mistake> bad_quotes(std::size_t index) const;
+  [[nodiscard]] std::optional<Mistake> unreadable(std::size_t index) const;
 
   const google::protobuf::FieldDescriptor* value_of_ = nullptr;
   std::vector<Scope> scopes_;

@@ -325,6 +325,9 @@ std::vector<std::string> elements_of(const std::string& value) {
 std::string read_list(const pb::FieldDescriptor& field, const std::string& value,
                       pb::Message& message) {
   for (const std::string& element : elements_of(value)) {
+    if (std::string complaint = curly_quote_complaint(element); !complaint.empty()) {
+      return complaint;
+    }
     if (field.cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING && !element.starts_with('"') &&
         !element.starts_with('\'')) {
       message.GetReflection()->AddString(&message, &field, element);
@@ -417,6 +420,8 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
       return walked + ": give the whole list, " + child_path(parent, field->name(), -1) + "=[…]";
     const std::string complaint = read_list(*field, value, *scratch);
     if (!complaint.empty()) return walked + ": " + complaint;
+  } else if (const std::string complaint = curly_quote_complaint(value); !complaint.empty()) {
+    return walked + ": " + complaint;
   } else if (field->cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING && !value.starts_with('"') &&
              !value.starts_with('\'')) {
     scratch->GetReflection()->SetString(scratch.get(), field, value);

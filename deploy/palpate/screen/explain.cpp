@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <cctype>
 #include <cstddef>
 
+#include "common/core/user/nearest.h"
 #include "deploy/palpate/screen/help.h"
 
 extern "C" const char palpate_glossary[];
@@ -10,11 +10,6 @@ extern "C" const char palpate_glossary_end[];
 
 namespace palpate {
 namespace {
-
-std::string lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
 
 std::string trimmed(const std::string& text) {
   const std::size_t begin = text.find_first_not_of(" \t\r");
@@ -55,7 +50,7 @@ std::vector<std::string> cells_of(std::string_view row) {
 }
 
 void add_name(std::vector<std::string>& names, const std::string& name) {
-  const std::string found = lower(plain(name));
+  const std::string found = lower_case(plain(name));
   if (!found.empty() && std::find(names.begin(), names.end(), found) == names.end()) {
     names.push_back(found);
   }
@@ -116,13 +111,13 @@ std::vector<GlossaryEntry> glossary_entries(std::string_view markdown) {
 
 std::vector<GlossaryEntry> explain(const std::vector<GlossaryEntry>& entries,
                                    const std::string& term) {
-  const std::string wanted = lower(trimmed(term));
+  const std::string wanted = lower_case(trimmed(term));
   std::vector<GlossaryEntry> found;
   const auto has_name = [&](const GlossaryEntry& entry) {
     return std::find(entry.names.begin(), entry.names.end(), wanted) != entry.names.end();
   };
   const auto contains_it = [&](const GlossaryEntry& entry) {
-    return lower(entry.term).find(wanted) != std::string::npos;
+    return lower_case(entry.term).find(wanted) != std::string::npos;
   };
   std::copy_if(entries.begin(), entries.end(), std::back_inserter(found), has_name);
   if (found.empty() && !wanted.empty()) {

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from numbers import Integral, Real
 from typing import Any, Optional
 
 import numpy as np
@@ -88,7 +89,8 @@ class Contact:
         if abs(float(normal @ normal) - 1.0) > 1e-6:
             raise ValueError(f"contact.normal = {normal}: must have length 1; divide it by its length")
         _number("contact.penetration", self.penetration, -1e3, 1e3)
-        _number("contact.stiffness", self.stiffness or 0.0, 0.0, 1e6)
+        if self.stiffness is not None:
+            _number("contact.stiffness", self.stiffness, 0.0, 1e6)
         if self.force_on_tool is not None:
             _vector("contact.force_on_tool", self.force_on_tool, 1e4)
             if self.stiffness is not None:
@@ -99,9 +101,11 @@ class Contact:
         _number("contact.friction_stiffness", self.friction_stiffness, 0.0, 1e6)
         _vector("contact.stretch", self.stretch, 1e3)
         _vector("contact.surface_velocity", self.surface_velocity, 10.0)
+        if isinstance(self.tissue, _BOOLS) or not isinstance(self.tissue, Integral) or self.tissue < 0:
+            raise ValueError(f"contact.tissue = {self.tissue!r}: must be a whole number from 0, its place in the scene")
         if self.curvature is not None:
-            curvature = np.asarray(self.curvature, float)
-            if curvature.shape != (3, 3) or not np.all(np.abs(curvature) <= 1e9):
+            curvature = _array(self.curvature)
+            if curvature is None or curvature.shape != (3, 3) or not np.all(np.abs(curvature) <= 1e9):
                 raise ValueError("contact.curvature: must be 3×3 numbers, each within ±1e9 1/m")
             if not np.allclose(curvature, curvature.T):
                 raise ValueError("contact.curvature: must be symmetric, as a Hessian is")
@@ -131,14 +135,41 @@ class Contact:
             _put(wire.stretch_m, np.asarray(self.stretch, float))
 
 
+_BOOLS = (bool, np.bool_)
+
+
+def _real(name: str, value: Any) -> Any:
+    """The value; ValueError if it is no number. True and False are none."""
+    if isinstance(value, _BOOLS) or not isinstance(value, Real):
+        raise ValueError(f"{name} = {value!r}: must be a number")
+    return value
+
+
+def _array(value: ArrayLike) -> Optional[NDArray[Any]]:
+    """The numbers; None if something else is among them, or if the rows have different lengths."""
+    try:
+        given = value if isinstance(value, np.ndarray) else np.array(value, object)
+        if given.dtype == object:
+            if not all(isinstance(one, Real) and not isinstance(one, _BOOLS) for one in given.ravel()):
+                return None
+        elif given.dtype.kind not in "iuf":
+            return None
+        return given.astype(float)
+    except ValueError:
+        return None
+
+
 def _number(name: str, value: float, least: float, most: float) -> float:
+    _real(name, value)
     if not least <= value <= most:  # NaN fails too
         raise ValueError(f"{name} = {value}: must be {least:g} … {most:g}; mind the SI unit")
     return value
 
 
 def _vector(name: str, value: ArrayLike, most: float) -> NDArray[Any]:
-    vector = np.asarray(value, float)
+    vector = _array(value)
+    if vector is None:
+        raise ValueError(f"{name} = {value!r}: must be 3 numbers, x, y, z")
     if vector.shape != (3,):
         raise ValueError(f"{name}: must be 3 numbers, x, y, z, not of shape {vector.shape}")
     if not np.all(np.abs(vector) <= most):

@@ -112,6 +112,7 @@ class Telemetry:
         timeout_s: Optional[float] = None,
     ) -> None:
         self._session = str(session)
+        self._nodes = nodes
         self._timeout_s = timeout_s
         if not nodes or not set(nodes) <= set(NODES):
             raise ValueError(f"nodes = {nodes}: must be some of {', '.join(NODES)}")
@@ -136,6 +137,10 @@ class Telemetry:
             self._links.close()
             raise
         self._ready: list[zmq.Socket[bytes]] = []
+
+    def __repr__(self) -> str:
+        closed = ", closed" if self._is_closed else ""
+        return f"<Telemetry of {self._session!r}: {', '.join(self._nodes)}{closed}>"
 
     def receive(self, timeout_s: float) -> Optional[Batch]:
         """The next batch, or None if none arrives in time."""
