@@ -12,24 +12,23 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
-#include <vector>
+#include <utility>
 
 #include "common/core/check.h"
 
 namespace palpate {
 namespace {
 
-// A record: its kind, its fields behind kField each, kEnd.
-constexpr char kField = '\x1f';
-constexpr char kEnd = '\x1e';
-constexpr char kFound = 'f';    // check, text, remedy, is_good, is_checked
-constexpr char kDone = 'd';     // no fields
-constexpr char kRefused = 'r';  // what a SetupError says
-constexpr char kBroken = 'b';   // what another exception says
+// A record is a line of JSON, an object with one of these.
+constexpr const char* kFound = "found";      // a ConformFinding
+constexpr const char* kDone = "done";        // ""
+constexpr const char* kRefused = "refused";  // what a SetupError says
+constexpr const char* kBroken = "broken";    // what another exception says
 constexpr int kPoll_ms = 50;
 
 volatile std::sig_atomic_t child_of_this = 0;
@@ -65,62 +64,50 @@ class Forwarding {
   sigset_t mask_before_{};
 };
 
-void send(int pipe, char kind, const std::vector<std::string>& fields) {
-  std::string record(1, kind);
-  for (const std::string& field : fields) record.append(1, kField).append(field);
-  record += kEnd;
-  for (std::size_t sent = 0; sent < record.size();) {
-    const ssize_t size = ::write(pipe, record.data() + sent, record.size() - sent);
+void send(int pipe, const nlohmann::json& record) {
+  using Handler = nlohmann::json::error_handler_t;
+  const std::string line = record.dump(-1, ' ', false, Handler::replace) + "\n";
+  for (std::size_t sent = 0; sent < line.size();) {
+    const ssize_t size = ::write(pipe, line.data() + sent, line.size() - sent);
     if (size < 0 && errno != EINTR) return;  // nobody listens
     if (size > 0) sent += static_cast<std::size_t>(size);
   }
 }
 
-[[noreturn]] void end(int pipe, char kind, const std::vector<std::string>& fields) {
-  send(pipe, kind, fields);
+[[noreturn]] void end(int pipe, const char* how, const std::string& text = {}) {
+  send(pipe, {{how, text}});
   std::fflush(nullptr);
   ::_exit(0);
 }
 
 [[noreturn]] void work(const ChecksApart& checks, int pipe) {
-  const auto on_finding = [pipe](const ConformFinding& found) {
-    send(pipe, kFound,
-         {found.check, found.text, found.remedy, found.is_good ? "1" : "",
-          found.is_checked ? "1" : ""});
-  };
   try {
-    checks(on_finding, [pipe] { end(pipe, kDone, {}); });
+    checks(
+        [pipe](const ConformFinding& found) {
+          send(pipe, {{kFound, found}});
+        },
+        [pipe] { end(pipe, kDone); });
   } catch (const SetupError& error) {
-    end(pipe, kRefused, {error.what()});
+    end(pipe, kRefused, error.what());
   } catch (const std::exception& error) {
-    end(pipe, kBroken, {error.what()});
+    end(pipe, kBroken, error.what());
   }
-  end(pipe, kDone, {});
+  end(pipe, kDone);
 }
 
-std::vector<std::string> fields_of(const std::string& record) {
-  std::vector<std::string> fields;
-  for (std::size_t at = record.find(kField); at != std::string::npos;) {
-    const std::size_t next = record.find(kField, at + 1);
-    fields.push_back(record.substr(at + 1, next == std::string::npos ? next : next - at - 1));
-    at = next;
-  }
-  return fields;
-}
-
-/// What the child says, record by record.
-class Records {
+/// The lines that the child writes.
+class Lines {
  public:
-  Records(int pipe, pid_t child) : pipe_(pipe), child_(child) {}
+  Lines(int pipe, pid_t child) : pipe_(pipe), child_(child) {}
 
   /// None: it has ended.
   std::optional<std::string> next() {
     for (;;) {
-      const std::size_t end = text_.find(kEnd);
+      const std::size_t end = text_.find('\n');
       if (end != std::string::npos) {
-        std::string record = text_.substr(0, end);
+        std::string line = text_.substr(0, end);
         text_.erase(0, end + 1);
-        return record;
+        return line;
       }
       if (is_at_end_) return std::nullopt;
       // a process that the child leaves may hold the pipe: all that it wrote is there when it ends
@@ -175,30 +162,24 @@ bool find_apart(const ChecksApart& checks, const OnFinding& on_finding) {
   }
   ::close(ends[1]);
   forwarding.begin(child);
-  Records records(ends[0], child);
+  Lines lines(ends[0], child);
   std::string last;
-  std::string problem;
-  char ended = 0;
-  while (const std::optional<std::string> record = ended == 0 ? records.next() : std::nullopt) {
-    const std::vector<std::string> fields = fields_of(*record);
-    const char kind = record->empty() ? '\0' : record->front();
-    if (kind == kFound && fields.size() == 5) {
-      last = fields[0];
-      on_finding({.check = fields[0],
-                  .is_good = !fields[3].empty(),
-                  .text = fields[1],
-                  .remedy = fields[2],
-                  .is_checked = !fields[4].empty()});
+  nlohmann::json ended;  // null: nothing was said of an end
+  while (const auto line = ended.is_null() ? lines.next() : std::nullopt) {
+    nlohmann::json record = nlohmann::json::parse(*line, nullptr, false);
+    if (record.contains(kFound)) {
+      const auto found = record[kFound].get<ConformFinding>();
+      last = found.check;
+      on_finding(found);
     } else {
-      ended = kind;
-      if (!fields.empty()) problem = fields[0];
+      ended = std::move(record);
     }
   }
-  const int status = records.status();
+  const int status = lines.status();
   ::close(ends[0]);
-  if (ended == kRefused) throw SetupError(problem);
-  if (ended == kBroken) throw std::runtime_error(problem);
-  if (ended == kDone) return true;
+  if (ended.contains(kRefused)) throw SetupError(ended[kRefused].get<std::string>());
+  if (ended.contains(kBroken)) throw std::runtime_error(ended[kBroken].get<std::string>());
+  if (ended.contains(kDone)) return true;
   on_finding({.check = "program",
               .is_good = false,
               .text = fmt::format("the code under test ended its program, {} {}, {}",

@@ -14,17 +14,16 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <deque>
 #include <optional>
 #include <system_error>
 #include <vector>
+
+#include "common/core/user/way.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr int kMostLinks = 40;  // as the kernel
 
 std::string with_error(const fs::path& path) {
   return path.string() + ": " + std::generic_category().message(errno);
@@ -58,14 +57,6 @@ std::optional<std::vector<AclEntry>> acl_of(const fs::path& path) {
   return entries;
 }
 
-void push_front(std::deque<fs::path>& components, const fs::path& path) {
-  std::vector<fs::path> parts;
-  for (const fs::path& part : path.relative_path()) {
-    if (!part.empty() && part != ".") parts.push_back(part);
-  }
-  components.insert(components.begin(), parts.begin(), parts.end());
-}
-
 }  // namespace
 
 OwnUsers::OwnUsers() : users_{0, geteuid()} {
@@ -86,32 +77,16 @@ OwnUsers::OwnUsers() : users_{0, geteuid()} {
 }
 
 std::string OwnUsers::why_strange(const fs::path& path) const {
-  std::deque<fs::path> components;
-  push_front(components, path);
-  fs::path at = "/";  // without links
-  int links = 0;
-  while (!components.empty()) {
-    const fs::path component = components.front();
-    components.pop_front();
-    const Sticky sticky = components.empty() ? Sticky::kMayNotBe : Sticky::kMayBe;
-    if (std::string why = why_open(at, sticky); !why.empty()) return why;
-    if (component == "..") {
-      at = at.parent_path();
-      continue;
+  const std::vector<WayStep> way = way_to(path);
+  for (const WayStep& step : way) {
+    std::string why = why_owned_by_others(step.path);
+    if (why.empty() && !step.is_link) {
+      why = why_open(step.path, step.is_end ? Sticky::kMayNotBe : Sticky::kMayBe);
     }
-    const fs::path next = at / component;
-    if (std::string why = why_owned_by_others(next); !why.empty()) return why;
-    std::error_code error;
-    if (!fs::is_symlink(next, error)) {
-      at = next;
-      continue;
-    }
-    const fs::path target = fs::read_symlink(next, error);
-    if (error || ++links > kMostLinks) return next.string() + ": a link that leads nowhere";
-    push_front(components, target);
-    if (target.is_absolute()) at = "/";
+    if (!why.empty()) return why;
   }
-  if (std::string why = why_open(at, Sticky::kMayNotBe); !why.empty()) return why;
+  const fs::path& at = way.back().path;
+  if (way.back().is_link) return at.string() + ": a link that leads nowhere";
   std::error_code error;
   if (!fs::is_directory(at, error)) return {};
   for (const auto& entry : fs::directory_iterator(at, error)) {

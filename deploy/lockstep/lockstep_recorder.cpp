@@ -52,13 +52,14 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     };
   }
 
-  void pump(const Lockstep& lockstep, const TickRow& row) {
+  void pump(const Lockstep& lockstep, const TickRow& row, const IdealState& ideal) {
     const TimePoint now = row.device.sampled_at;
     if (row.ideal_force_on_hand_newton.allFinite()) {
       ideal_.records.push_back({.sampled_at = now,
                                 .force_on_hand_newton = row.ideal_force_on_hand_newton,
                                 .is_in_contact = row.is_truly_in_contact.value_or(false),
-                                .comparison = row.to_ideal});
+                                .comparison = row.to_ideal,
+                                .ideal_tool_position_world_m = ideal.tool_position_world_m});
     }
     if (now < next_at_) return;
     next_at_ = now + kPublishInterval;
@@ -140,8 +141,8 @@ LockstepRecorder::LockstepRecorder(const viewer::RecordOptions& options, const S
     : impl_(std::make_unique<Impl>(options, session, recorded_by)) {}
 LockstepRecorder::~LockstepRecorder() = default;
 void LockstepRecorder::listen_to(LockstepOptions& options) { impl_->listen_to(options); }
-void LockstepRecorder::pump(const Lockstep& lockstep, const TickRow& row) {
-  impl_->pump(lockstep, row);
+void LockstepRecorder::pump(const Lockstep& lockstep, const TickRow& row, const IdealState& ideal) {
+  impl_->pump(lockstep, row, ideal);
 }
 void LockstepRecorder::finish(const Lockstep& lockstep, TimePoint now) {
   impl_->finish(lockstep, now);

@@ -29,7 +29,7 @@ class LockstepRecorder {
   void listen_to(LockstepOptions& options);
   /// Writes a batch of every node for each 20 ms of the run, and the ideal force if there is one.
   /// Call it for every row.
-  void pump(const Lockstep& lockstep, const TickRow& row);
+  void pump(const Lockstep& lockstep, const TickRow& row, const IdealState& ideal);
   /// Writes the rest and closes the file. Throws std::runtime_error if anything was not written.
   void finish(const Lockstep& lockstep, TimePoint now);
 

@@ -81,7 +81,7 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
   Lockstep lockstep(session, lockstep_options, [&](const TickRow& row, const IdealState& ideal) {
     report.statistics.add(row, ideal);
     if (csv) csv->write(row);
-    if (recorder) recorder->pump(*running, row);
+    if (recorder) recorder->pump(*running, row, ideal);
   });
   running = &lockstep;
   std::tie(report.simulated_s, report.wall_s) = run_slices(lockstep, session, options, csv.get());

@@ -40,11 +40,7 @@ class Findings {
     }
     std::fputs(text.c_str(), out_);
     std::fflush(out_);
-    list_.push_back({{"check", found.check},
-                     {"is_checked", found.is_checked},
-                     {"is_good", found.is_good},
-                     {"text", found.text},
-                     {"remedy", found.remedy}});
+    list_.push_back(found);
   }
   /// @return the exit status
   int write() {

@@ -196,8 +196,8 @@ struct LoopbackCommand {
     return {.seconds = length_s,
             .csv_file = output.csv_file,
             .may_overwrite = output.may_overwrite,
-            .ends_with_reader = output.json_file.empty() && output.record_file.empty() &&
-                                post_mortem_file.empty(),
+            .ends_with_reader =
+                output.json_file.empty() && output.record_file.empty() && post_mortem_file.empty(),
             .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
                          .has_ideal = !has_no_ideal}};
   }

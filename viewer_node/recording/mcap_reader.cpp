@@ -23,8 +23,9 @@ constexpr std::uint64_t kMaxRecordBytes = std::uint64_t{64} << 20;
 constexpr std::uint8_t kLastOpcode = 0x0F;             // of version 0
 constexpr std::uint8_t kPrivateOpcodes = 0x80;         // and above
 constexpr std::uint64_t kMessageHead = 2 + 4 + 8 + 8;  // channel, sequence, times
-constexpr std::string_view kZeros("\0\0\0\0", 4);
 constexpr std::uint64_t kMaxRowBytes = std::uint64_t{1} << 20;
+
+bool is_private(Opcode opcode) { return static_cast<std::uint8_t>(opcode) >= kPrivateOpcodes; }
 
 }  // namespace
 
@@ -120,7 +121,7 @@ bool McapReader::search() {
   bool is_at_end = false;
   std::uint64_t offset = mcap::kMagic.size();
   while (offset < file_bytes_) {
-    const std::optional<Record> record = record_at(offset);
+    const std::optional<Record> record = head_at(offset);
     const bool has_form = record && has_form_of_its_kind(*record);
     is_at_end = has_form && record->opcode == Opcode::kDataEnd;
     if (is_at_end || (has_form && record->opcode == Opcode::kFooter)) break;
@@ -151,33 +152,36 @@ bool McapReader::search() {
   return is_at_end;
 }
 
-/// Empty unless a record with a known or private opcode, which ends within the file, may begin
-/// here.
-std::optional<McapReader::Record> McapReader::record_at(std::uint64_t offset) const {
-  std::string bytes;
-  if (!read(offset, kRecordHead, bytes)) return std::nullopt;
+/// The record that may begin with these bytes, by its known or private opcode; it may end beyond
+/// the file.
+std::optional<McapReader::Record> McapReader::head_of(std::string_view bytes,
+                                                      std::uint64_t offset) {
   Fields head(bytes);
   const auto opcode = head.number<std::uint8_t>();
   const auto length = head.number<std::uint64_t>();
   const bool is_known = (opcode >= 0x01 && opcode <= kLastOpcode) || opcode >= kPrivateOpcodes;
-  if (!is_known || length > file_bytes_ - offset - kRecordHead) return std::nullopt;
+  if (!is_known || !head.is_good() || length > ~std::uint64_t{0} - offset - kRecordHead) return {};
   return Record{static_cast<Opcode>(opcode), offset, offset + kRecordHead + length};
+}
+
+std::optional<McapReader::Record> McapReader::head_at(std::uint64_t offset) const {
+  std::string bytes;
+  return read(offset, kRecordHead, bytes) ? head_of(bytes, offset) : std::nullopt;
 }
 
 /// By another record, which may be cut by the end of the file.
 bool McapReader::is_followed(const Record& record) const {
   // the sizes in the head of a chunk agree with each other
   if (record.opcode == Opcode::kChunk || file_bytes_ - record.end < kRecordHead) return true;
-  if (record_at(record.end)) return true;
-  std::string bytes;
-  if (!read(record.end, kRecordHead, bytes)) return false;
-  Fields head(bytes);
-  const auto opcode = head.number<std::uint8_t>();
-  return opcode >= 0x01 && opcode <= kLastOpcode && head.number<std::uint64_t>() <= kMaxRecordBytes;
+  const std::optional<Record> next = head_at(record.end);
+  if (!next || next->end <= file_bytes_) return next.has_value();
+  return !is_private(next->opcode) && next->end - next->offset <= kMaxRecordBytes + kRecordHead;
 }
 
-/// Whether the sizes in the record agree with its own, for records that belong before DataEnd.
+/// Whether it ends within the file, and the sizes in it agree with its own, for records that belong
+/// before DataEnd.
 bool McapReader::has_form_of_its_kind(const Record& record) const {
+  if (record.end > file_bytes_) return false;
   const std::uint64_t length = record.end - record.offset - kRecordHead;
   constexpr std::uint64_t kHeadBytes = 64;
   std::string bytes;
@@ -210,7 +214,7 @@ bool McapReader::has_form_of_its_kind(const Record& record) const {
     case Opcode::kAttachment:
       return true;  // judged as a whole where it is taken
     default:
-      return static_cast<std::uint8_t>(record.opcode) >= kPrivateOpcodes;
+      return is_private(record.opcode);
   }
 }
 
@@ -255,12 +259,11 @@ std::uint64_t McapReader::next_sound_record(std::uint64_t from) const {
        size = std::min(2 * size, kMostBlockBytes)) {
     if (!read(from, std::min(size, file_bytes_ - from), block)) break;
     for (std::size_t i = 0; i + kRecordHead <= block.size(); ++i) {
-      const bool is_long = block.compare(i + 5, 4, kZeros) != 0;  // 4 GiB or more
-      if (is_long || block[i] == '\0' || static_cast<unsigned char>(block[i]) > kLastOpcode)
-        continue;
-      const std::optional<Record> record = record_at(from + i);
-      if (record && record->opcode != Opcode::kHeader && record->opcode != Opcode::kAttachment &&
-          has_form_of_its_kind(*record) && is_followed(*record)) {
+      const std::string_view head = std::string_view(block).substr(i, kRecordHead);
+      const std::optional<Record> record = head_of(head, from + i);
+      if (record && !is_private(record->opcode) && record->opcode != Opcode::kHeader &&
+          record->opcode != Opcode::kAttachment && has_form_of_its_kind(*record) &&
+          is_followed(*record)) {
         return record->offset;
       }
     }

@@ -79,7 +79,8 @@ class McapReader {
   [[nodiscard]] Summary read_summary();
   [[nodiscard]] bool take_all(std::string_view summary);
   [[nodiscard]] bool search();
-  [[nodiscard]] std::optional<Record> record_at(std::uint64_t offset) const;
+  [[nodiscard]] static std::optional<Record> head_of(std::string_view bytes, std::uint64_t offset);
+  [[nodiscard]] std::optional<Record> head_at(std::uint64_t offset) const;
   [[nodiscard]] bool has_form_of_its_kind(const Record& record) const;
   [[nodiscard]] bool is_followed(const Record& record) const;
   [[nodiscard]] bool take_record(const Record& record, bool has_definitions);

@@ -155,6 +155,12 @@ void RecordingFile::complete(TickRow& row) const {
   row.to_ideal = ideal->second.comparison;
 }
 
+IdealState RecordingFile::ideal_of(const TickRow& row) const {
+  const auto ideal = ideal_.find(row.device.sampled_at);
+  if (ideal == ideal_.end()) return {};
+  return {.tool_position_world_m = ideal->second.ideal_tool_position_world_m};
+}
+
 std::optional<std::uint64_t> RecordingFile::log_time_of(std::uint64_t device_session_id,
                                                         TimePoint at) const {
   const auto offset = clock_offset_ns_.find(device_session_id);

@@ -41,6 +41,8 @@ class RecordingFile {
                                                          TimePoint at) const;
   /// Adds to a row the ideal force and the true contact, if they are recorded: loopback only.
   void complete(TickRow& row) const;
+  /// The ideal run at a row; NaN where it is not recorded, as its force never is.
+  [[nodiscard]] IdealState ideal_of(const TickRow& row) const;
   [[nodiscard]] std::uint64_t ideal_messages() const { return ideal_messages_; }
   /// What is missing of the recording, as far as it has been read: "2 damaged chunks, its end";
   /// empty: nothing.

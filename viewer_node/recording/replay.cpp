@@ -218,7 +218,7 @@ class Replay {
         host_(stage_.context(), clock_, session_),
         run_{.header = {},
              .markers = recording.markers(),
-             .replay = ReplayState{.file = options.file,
+             .replay = ReplayState{.file = recording.mcap().path(),
                                    .position_s = options.start_s,
                                    .length_s = recording.length_s(),
                                    .speed_ratio = options.speed_ratio,
@@ -267,7 +267,7 @@ class Replay {
         "viewer_node --session " +
         (options_.session_file.empty() ? recording_.about("session_file") : options_.session_file);
     if (!options_.is_quiet) {
-      std::printf("%s: %s, %.3f s\n", options_.file.c_str(), session_.name.c_str(),
+      std::printf("%s: %s, %.3f s\n", recording_.mcap().path().c_str(), session_.name.c_str(),
                   recording_.length_s() - options_.start_s);
     }
     const TimePoint deadline =
@@ -366,11 +366,10 @@ class Replay {
 
 }  // namespace
 
-void run_replay(const ReplayOptions& options) {
-  RecordingFile recording(options.file);
+void run_replay(const ReplayOptions& options, RecordingFile& recording) {
   if (recording.length_s() <= 0.0) {
     const std::string damage = recording.damage();
-    throw SetupError("recording " + options.file + ": has nothing to replay" +
+    throw SetupError("recording " + recording.mcap().path() + ": has nothing to replay" +
                      (damage.empty() ? "" : "; missing: " + damage));
   }
   if (options.start_s >= recording.length_s()) {

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "common/session/session.h"
+#include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
 
 struct ReplayOptions {
-  std::string file;
   std::string session_file;  ///< whose links are used; empty: those of the recorded session
   std::vector<std::string> overrides;
   double speed_ratio = 1.0;        ///< > 0
@@ -32,6 +32,6 @@ struct ReplayOptions {
 /// has controlled it: then it pauses at the end.
 /// Each pass, also after a move, uses new session ids, like restarted nodes. Throws SetupError, for
 /// example while nodes of that session run.
-void run_replay(const ReplayOptions& options);
+void run_replay(const ReplayOptions& options, RecordingFile& recording);
 
 }  // namespace palpate

@@ -81,7 +81,10 @@ std::string table(const Run& run) {
                  " of the time beyond the force JND"
            : "not recorded; palpate loopback SESSION --hand RECORDING --record NEW records one");
   line("velocity reversals",
-       fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]));
+       fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]) +
+           (std::isfinite(s.path_deviation_rms_m())
+                ? fmt::format(", {} more than the ideal run", s.excess_reversals())
+                : ""));
   return html + "</table>\n";
 }
 

@@ -115,10 +115,10 @@ void add_counts(const Batch& batch, bool is_part, Counters& total, Known& sessio
 
 }  // namespace
 
-void RunFigures::add(const TickRow& row) {
+void RunFigures::add(const TickRow& row, const IdealState& ideal) {
   lateness.add(row.device.lateness);
   if (row.device.is_answered) reply_time.add(row.device.reply_time);
-  statistics.add(row, {});
+  statistics.add(row, ideal);
 }
 
 void RunFigures::add(const DeviceBatch& batch) {
@@ -177,6 +177,9 @@ RunFacts facts_of(RunFacts about, const viewer::TelemetryMirror& mirror,
   about.maximum_force_newton = figures.max_force_newton;
   about.force_error_rms_ratio = received.force_error_rms_ratio();
   about.beyond_jnd_ratio = received.beyond_jnd_ratio();
+  if (std::isfinite(received.path_deviation_rms_m())) {
+    about.excess_reversals = received.excess_reversals();
+  }
   return about;
 }
 
@@ -315,7 +318,7 @@ void read_run(RecordingFile& recording, RecordedRun& run,
               const std::function<void(const RecordingFile::Item&)>& on_item) {
   run.mirror.on_row = [&](TickRow row) {
     recording.complete(row);
-    run.figures.add(row);
+    run.figures.add(row, recording.ideal_of(row));
     if (on_row) on_row(row);
   };
   run.figures.is_part = !recording.mcap().metadata(viewer::kCopyMetadata).empty();

@@ -39,8 +39,8 @@ struct RunFigures {
   std::uint64_t physics_steps = 0;
   Duration physics_time{};
 
-  /// Call it for every row.
-  void add(const TickRow& row);
+  /// Call it for every row. @param ideal  the ideal run, where it is known
+  void add(const TickRow& row, const IdealState& ideal = {});
   /// Call it for every batch.
   void add(const DeviceBatch& batch);
   void add(const MofcBatch& batch);

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <system_error>
 
+#include "common/core/user/way.h"
+
 namespace palpate {
 namespace {
 
@@ -34,15 +36,6 @@ std::string why_not_safe(const std::filesystem::path& above) {
   if (is_open && (status.st_mode & S_ISVTX) == 0) {
     return "other users may replace what is in " + above.string() + "; chmod go-w " +
            above.string() + ", or choose a folder elsewhere";
-  }
-  return "";
-}
-
-std::string why_not_safe_above(const std::filesystem::path& folder) {
-  for (std::filesystem::path above = folder;
-       above.has_parent_path() && above != above.parent_path();) {
-    above = above.parent_path();
-    if (std::string why = why_not_safe(above); !why.empty()) return why;
   }
   return "";
 }
@@ -128,9 +121,10 @@ std::string make_private_folder(const std::filesystem::path& given) {
   if ((status.st_mode & kWritableByOthers) != 0) {
     return "other users may write folder " + folder.string() + "; chmod go-w " + folder.string();
   }
-  // the way as written, with its links, and where it leads
-  std::string why = why_not_safe_above(folder);
-  return why.empty() ? why_not_safe_above(std::filesystem::canonical(folder, error)) : why;
+  for (const WayStep& step : way_to(folder)) {
+    if (std::string why = why_not_safe(step.path); !why.empty()) return why;
+  }
+  return {};
 }
 
 }  // namespace palpate

@@ -99,6 +99,9 @@ std::string encode_ideal(const IdealForces& ideal) {
     to.set_sampled_at_ns(ns(force.sampled_at));
     wire::put(force.force_on_hand_newton, *to.mutable_force_on_hand_newton());
     to.set_is_in_contact(force.is_in_contact);
+    if (force.ideal_tool_position_world_m.allFinite()) {
+      wire::put(force.ideal_tool_position_world_m, *to.mutable_ideal_tool_position_world_m());
+    }
     if (!force.comparison) continue;
     const ForceComparison::Integrals& i = force.comparison->integrals();
     for (const double integral : {i.judged_s, i.transparency_s, i.along_n2s, i.reference_n2s,
@@ -129,6 +132,10 @@ std::optional<IdealForces> decode_ideal(std::string_view payload) {
     read = {.sampled_at = time(force.sampled_at_ns()),
             .force_on_hand_newton = newton,
             .is_in_contact = force.is_in_contact()};
+    if (force.has_ideal_tool_position_world_m()) {
+      read.ideal_tool_position_world_m = vector(force.ideal_tool_position_world_m());
+      for (const double component : read.ideal_tool_position_world_m) verdict.finite(component);
+    }
     if (i.size() == 7) {
       read.comparison.emplace(ForceComparison::Integrals{.judged_s = i[0],
                                                          .transparency_s = i[1],

@@ -121,6 +121,8 @@ struct IdealForce {
   Vector3 force_on_hand_newton = Vector3::Zero();
   bool is_in_contact = false;
   std::optional<ForceComparison> comparison{};  ///< TickRow::to_ideal
+  /// IdealState::tool_position_world_m; NaN: not recorded.
+  Vector3 ideal_tool_position_world_m = Vector3::Constant(kNaN);
 };
 /// Of consecutive ticks of one device.
 struct IdealForces {

@@ -227,9 +227,10 @@ std::optional<SessionOutline::Mistake> SessionOutline::foreign_notation(std::siz
                    "cannot be read: /" + next + " begins no comment here; comments begin with #"};
   }
   if (index == 0 && value_of_ == nullptr && token.text == "{") {
-    return Mistake{token.position,
-                   "cannot be read: a session has no braces around it, unlike JSON; remove this one "
-                   "and the last, and write names without quotes"};
+    return Mistake{
+        token.position,
+        "cannot be read: a session has no braces around it, unlike JSON; remove this one "
+        "and the last, and write names without quotes"};
   }
   if (token.type == Tokenizer::TYPE_STRING && next == ":") {
     return Mistake{token.position, "cannot be read: " + one_line(token.text) +
@@ -251,8 +252,8 @@ std::optional<SessionOutline::Mistake> SessionOutline::bad_quotes(std::size_t in
   if (token.type != Tokenizer::TYPE_STRING) return {};
   const std::string& text = token.text;
   if (text.size() == 1 || text.back() != text.front()) {
-    return Mistake{token.position, "cannot be read: " + one_line(text) + ": the text does not end; " +
-                                       "end it with " + text.front()};
+    return Mistake{token.position, "cannot be read: " + one_line(text) +
+                                       ": the text does not end; " + "end it with " + text.front()};
   }
   const pb::FieldDescriptor* field = index == 0 ? value_of_ : nullptr;
   if (index >= 2 && tokens_[index - 1].text == ":" && scopes_[token.scope].type != nullptr) {

@@ -64,12 +64,12 @@ class SessionOutline {
     TokenPosition position;
     std::string text;  ///< with what to do
   };
-  /// Fields given twice, two members of a oneof, numbers with a decimal comma or a unit, notation of
-  /// other formats (// comments, JSON, “quotes”), texts in quotes that are numbers or not closed,
-  /// braces that are missing or too many; in order.
+  /// Fields given twice, two members of a oneof, numbers with a decimal comma or a unit, notation
+  /// of other formats (// comments, JSON, “quotes”), texts in quotes that are numbers or not
+  /// closed, braces that are missing or too many; in order.
   [[nodiscard]] std::vector<Mistake> mistakes() const;
-  /// Where a brace is missing, or what follows is not as it was meant: from there on names are taken
-  /// for others.
+  /// Where a brace is missing, or what follows is not as it was meant: from there on names are
+  /// taken for others.
   [[nodiscard]] std::optional<TokenPosition> lost_at() const;
 
  private:

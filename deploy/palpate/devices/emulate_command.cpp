@@ -71,9 +71,8 @@ struct EmulateCommand {
   void add_to(CLI::App& app) {
     session.add_to(app);
     add_side_option(app, side);
-    app.add_option(
-           "--fault", faults,
-           "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500")
+    app.add_option("--fault", faults,
+                   "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500")
         ->type_name("FAULT")
         ->check(usual_words(device::fault_kinds()));
     app.add_flag("--hands-off", is_let_go,

@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "common/telemetry/summary.h"
+#include "deploy/palpate/screen/verdict.h"
 #include "viewer_node/recording/recording.h"
 #include "viewer_node/recording/recording_copy.h"
 #include "viewer_node/recording/run_figures.h"
@@ -144,6 +145,7 @@ std::string info_text(RecordingFile& recording) {
          figure_lines(controller_of(recording, side), run.mirror, run.figures)) {
       line(label, value);
     }
+    text += verdict_text(judge(facts_of(recording, run)));
   }
   if (const std::string damage = recording.damage(); !damage.empty()) {
     line("damaged", "missing: " + damage);

@@ -58,11 +58,12 @@ class ReplayPage {
 };
 
 struct ReplayCommand {
+  std::string file;
   ReplayOptions replay;
   bool has_no_viewer = false;
 
   void add_to(CLI::App& app) {
-    add_recording_argument(app, replay.file);
+    add_recording_argument(app, file);
     app.add_option("--session", replay.session_file,
                    "publish at the endpoints of this session (default: the recorded session)")
         ->type_name("FILE");
@@ -97,8 +98,11 @@ struct ReplayCommand {
       }
       return page.has_value();
     };
-    run_replay(replay);
-    return 0;
+    RecordingFile recording(file);
+    // what its chunks have lost is known when they are read
+    const bool is_known = status_of_damage(recording) != 0;
+    run_replay(replay, recording);
+    return is_known ? kExitFailure : status_of_damage(recording);
   }
 };
 

@@ -162,9 +162,7 @@ std::string bash(const CLI::App& app, const std::string& settings, const Argumen
          files +
          ") mapfile -t COMPREPLY < <(compgen -f -- \"$current\"); return ;;\n"
          "    " +
-         others +
-         ") return ;;\n" +
-         lists +
+         others + ") return ;;\n" + lists +
          "  esac\n"
          "  if [[ -n $words ]]; then  # one of them, or several with commas\n"
          "    [[ $current == *,* ]] && head=${current%,*},\n"
@@ -220,8 +218,7 @@ std::string zsh(const CLI::App& app, const std::string& settings, const Argument
     const std::string own = words_of(arguments, *command);
     cases += "      " + command->get_name() + ")\n        _arguments" + options(*command) +
              (subcommands.empty() ? "" : " \\\n        '1:command:(" + subcommands + ")'") +
-             " \\\n        '*:" +
-             (own.empty() ? "file:_files" : "word:(" + own + ")") + "' ;;\n";
+             " \\\n        '*:" + (own.empty() ? "file:_files" : "word:(" + own + ")") + "' ;;\n";
   }
   return "#compdef palpate\n# Completion of palpate for zsh, made by `palpate completion zsh`.\n"
          "# --set FIELD=VALUE: the fields, then the values of the one that is given\n"
@@ -279,8 +276,9 @@ std::string fish(const CLI::App& app, const std::string& settings, const Argumen
     if (value == Value::kFile) text += " -r -F";
     if (value == Value::kOther) text += " -x";
     if (value == Value::kWord) {
-      text += option.get_delimiter() == '\0' ? " -x -a '" + words_of(option) + "'"
-                                             : " -x -a '(__fish_append , " + words_of(option) + ")'";
+      text += option.get_delimiter() == '\0'
+                  ? " -x -a '" + words_of(option) + "'"
+                  : " -x -a '(__fish_append , " + words_of(option) + ")'";
     }
     if (value == Value::kSetting) text += " -x -a '(__palpate_settings)'";
     text += " -d '" + quoted(option.get_description()) + "'\n";
