@@ -214,6 +214,29 @@ TEST_F(RecordProcesses, OfWhichNothingCanBeReadAreRefusedByReplay) {
                                 HasSubstr("unreadable bytes, its end")));
 }
 
+TEST_F(RecordProcesses, ThatAreDamagedAreSaidToBeByReplay) {
+  const std::string file = path("run.mcap");
+  ASSERT_EQ(run_program("palpate",
+                        {"loopback", session_, "--seconds", "3", "--no-ideal", "--record", file})
+                .status,
+            0);
+  const auto replayed = [&] {
+    return run_program("palpate", {"replay", file, "--no-viewer", "--speed", "100", "--wait", "0"});
+  };
+  EXPECT_EQ(replayed().err, "");
+  std::string bytes = text_of(file);
+  bytes[bytes.size() / 2] ^= 1;  // in a chunk, which is found when it is read
+  std::ofstream(file, std::ios::binary) << bytes;
+  const auto damaged = replayed();
+  EXPECT_EQ(damaged.status, 1);
+  EXPECT_THAT(damaged.err, HasSubstr("is damaged; missing: 1 damaged chunks; `palpate recover`"));
+
+  std::ofstream(file, std::ios::binary) << bytes.substr(0, bytes.size() * 9 / 10);
+  const auto cut = replayed();
+  EXPECT_EQ(cut.status, 1);
+  EXPECT_THAT(cut.err, HasSubstr("its end: the file was not closed"));
+}
+
 TEST_F(RecordProcesses, AReplayHasAPageOfItsOwn) {
   const std::string file = path("run.mcap");
   ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "1", "--no-ideal",

@@ -17,6 +17,7 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
+#include "deploy/conform/apart.h"
 #include "deploy/conform/conform_device.h"
 #include "device_node/conformance/device_checks.h"
 #include "tests/support/machine/machine.h"
@@ -248,6 +249,25 @@ TEST(ConformDevice, NamesACallThatDoesNotReturn) {
   EXPECT_THAT(named.front().text, HasSubstr("has not returned for 0.1 s"));
   EXPECT_THAT(named.front().remedy, HasSubstr("after one transfer"));
   EXPECT_EQ(found.size(), device::device_checks().size()) << "it returned at last";
+}
+
+TEST(FindApart, PassesAnyTextOn) {
+  const ConformFinding odd{
+      .check = "a\x1f\x1e", .text = "b\n\"c\" \xff", .remedy = "d\x1f", .is_checked = false};
+  std::vector<ConformFinding> found;
+  EXPECT_TRUE(find_apart([&](const OnFinding& on_finding, const auto&) { on_finding(odd); },
+                         [&](const ConformFinding& one) { found.push_back(one); }));
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].check, odd.check);
+  EXPECT_EQ(found[0].text, "b\n\"c\" \xEF\xBF\xBD") << "JSON is UTF-8";
+  EXPECT_EQ(found[0].remedy, odd.remedy);
+  EXPECT_FALSE(found[0].is_checked);
+}
+
+TEST(FindApart, ThrowsWhatTheChecksThrow) {
+  const auto refuse = [](const OnFinding&, const auto&) { throw SetupError("no\nsuch device"); };
+  EXPECT_THAT([&] { static_cast<void>(find_apart(refuse, [](const ConformFinding&) {})); },
+              testing::ThrowsMessage<SetupError>("no\nsuch device"));
 }
 
 TEST(ConformDevice, MovesHardwareOnlyIfToldTo) {

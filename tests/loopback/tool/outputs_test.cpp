@@ -29,7 +29,11 @@ using test::Outcome;
 using test::Program;
 using test::run_program;
 using test::text_of;
+using testing::AnyOf;
+using testing::ContainsRegex;
 using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
 using Arguments = std::vector<std::string>;
 
 constexpr const char* kPrecious = "precious";
@@ -394,6 +398,8 @@ TEST_F(Outputs, TextThatStandardOutputLosesIsAnError) {
   for (const Arguments& arguments : {Arguments{"loopback", session_},
                                      {"scene", "check", session_},
                                      {"info", path("run.mcap")},
+                                     {"loopback", session_, "--csv", "-"},
+                                     {"export", path("run.mcap"), "--csv", "-"},
                                      {"make-organ", "--points", "50", "--cloud", "-"}}) {
     SCOPED_TRACE(arguments.front());
     Arguments words{"-c", "exec \"$0\" \"$@\" > /dev/full", palpate};
@@ -401,6 +407,48 @@ TEST_F(Outputs, TextThatStandardOutputLosesIsAnError) {
     const Outcome outcome = run_program("/bin/bash", words);
     EXPECT_EQ(outcome.status, 1);
     EXPECT_THAT(outcome.err, HasSubstr("No space left on device"));
+  }
+}
+
+// As of `| head` once it has enough. The pipe has no reader from the start.
+TEST_F(Outputs, AReaderOfStandardOutputMayLeave) {
+  const std::string pipe = path("pipe");
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  for (const OutputCase& output : all_) {
+    SCOPED_TRACE(output.name());
+    Arguments words{"-c", "exec 3<>\"$0\" 4>\"$0\" 3>&-; exec \"$@\" >&4 4>&-", pipe,
+                    std::string(PALPATE_BINARY_DIR) + "/" + output.program};
+    const Arguments arguments = output.with("-");
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    const Outcome outcome = run_program("/bin/bash", words);
+    EXPECT_EQ(outcome.status, output.success);
+    EXPECT_THAT(outcome.err,
+                Not(AnyOf(HasSubstr("roken pipe"), HasSubstr("missing"), HasSubstr("incomplete"))));
+  }
+}
+
+TEST_F(Outputs, ARunWithoutOtherOutputEndsWhenItsReaderLeaves) {
+  Program loopback("/bin/bash", {"-c",
+                                 "set -o pipefail; \"$0\" loopback \"$1\" --seconds 1e6 --no-ideal "
+                                 "--csv - | head -n 1",
+                                 std::string(PALPATE_BINARY_DIR) + "/palpate", session_});
+  EXPECT_EQ(loopback.wait(), 0);
+  EXPECT_EQ(loopback.err(), "");
+  EXPECT_THAT(loopback.out(), StartsWith("t_s,x_m"));
+}
+
+TEST_F(Outputs, EachFileIsNamed) {
+  for (const OutputCase& output : all_) {
+    const std::string& command = output.arguments.front();
+    if (output.program != "palpate" || command == "conform" || command == "mesh") continue;
+    SCOPED_TRACE(output.name());
+    const std::string file = path("new");
+    fs::remove(file);
+    const Outcome outcome = run(output, file);
+    ASSERT_EQ(outcome.status, output.success) << outcome.err;
+    EXPECT_THAT(outcome.out + outcome.err,
+                AnyOf(HasSubstr("palpate: " + file + ": written\n"), HasSubstr("wrote " + file),
+                      ContainsRegex(file + ": [0-9]+ messages written")));
   }
 }
 

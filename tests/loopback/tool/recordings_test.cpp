@@ -296,6 +296,29 @@ TEST_F(RecordingTools, OneRunHasOneSetOfFigures) {
   EXPECT_EQ(run["clamp_ratio"], recorded["received"]["clamp_ratio"]);
 }
 
+// with the path of the ideal run, which the recording has
+TEST_F(RecordingTools, OneRunHasOneVerdict) {
+  ASSERT_EQ(palpate({"loopback", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb", "--seconds",
+                     "3", "--record", path("ideal.mcap"), "--json", path("ideal.json")})
+                .status,
+            0);
+  const json run = json::parse(text_of(path("ideal.json")));
+  const json recorded = info("ideal.mcap")["figures"]["verdict"];
+  const auto finding = [](const json& verdict) {
+    for (const json& one : verdict["findings"]) {
+      if (one["what"] == "reversals") return one;
+    }
+    return json();
+  };
+  EXPECT_FALSE(finding(recorded).is_null()) << recorded;
+  EXPECT_EQ(finding(recorded), finding(run["verdict"]));
+  EXPECT_THAT(palpate({"info", path("ideal.mcap")}).out,
+              AllOf(HasSubstr("\n  good  "), HasSubstr("reversals more than the ideal run")));
+  ASSERT_EQ(palpate({"report", path("ideal.mcap"), "-o", path("ideal.html")}).status, 0);
+  const std::string excess = std::to_string(run["velocity_reversals"]["excess"].get<int>());
+  EXPECT_THAT(text_of(path("ideal.html")), HasSubstr(", " + excess + " more than the ideal run"));
+}
+
 TEST_F(RecordingTools, AReportShowsTwoRunsSideBySide) {
   ASSERT_EQ(palpate({"cut", path("run.mcap"), path("part.mcap"), "--from", "1"}).status, 0);
   ASSERT_EQ(

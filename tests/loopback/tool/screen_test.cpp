@@ -352,6 +352,15 @@ TEST(Help, CompletesInBash) {
   EXPECT_EQ(completed("launch x --set mofc.mode ="), "paper vector guard ");
   EXPECT_EQ(completed("launch x --set mofc.mode=v"), "mofc.mode=vector ");
   EXPECT_EQ(completed("launch x --set viewer.control ="), "false true ");
+  EXPECT_EQ(completed("launch x --nodes v"), "viewer ");
+  EXPECT_EQ(completed("launch x --nodes device,mo"), "device,mofc ");
+  EXPECT_EQ(completed("launch x --together ''"), "device mofc ");
+  EXPECT_EQ(completed("emulate x --fault unpl"), "unplugged ");
+  EXPECT_EQ(completed("explain transparen"), "transparency ");
+  EXPECT_EQ(completed("explain clamp sha"), "share ");
+  EXPECT_EQ(completed("help loo"), "loopback ");
+  EXPECT_EQ(completed("man la"), "launch ");
+  EXPECT_EQ(completed("completion ''"), "bash zsh fish --help --quiet --verbose ");
 }
 
 TEST(Help, CompletesInFish) {

@@ -7,7 +7,10 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <string>
+#include <vector>
 
+#include "common/core/user/way.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -80,6 +83,35 @@ TEST_F(PrivateFolder, MustNotBeBelowAFolderWhoseEntriesOthersMayReplace) {
   ASSERT_EQ(chmod(open.c_str(), 0777), 0);
   fs::create_symlink(open, temp_.path() / "way");
   EXPECT_THAT(make_private_folder(temp_.path() / "way" / "run"), HasSubstr(open.string()));
+}
+
+// our link, to a link in an open folder, to a folder of ours
+TEST_F(PrivateFolder, MustNotBeBehindALinkThatOthersMayReplace) {
+  const fs::path open = temp_.path() / "open";
+  fs::create_directories(open);
+  fs::create_directories(temp_.path() / "ours");
+  ASSERT_EQ(chmod(open.c_str(), 0777), 0);
+  fs::create_symlink("../ours", open / "link");
+  fs::create_symlink("open/link", temp_.path() / "way");
+  EXPECT_THAT(make_private_folder(temp_.path() / "way" / "run"), HasSubstr(open.string()));
+  ASSERT_EQ(chmod(open.c_str(), 0755), 0);
+  EXPECT_THAT(make_private_folder(temp_.path() / "way" / "run"), IsEmpty());
+}
+
+TEST(Way, HasEveryFolderAndLinkOnce) {
+  const test::TempFolder temp;
+  const fs::path root = fs::canonical(temp.path());
+  fs::create_directories(root / "a" / "b");
+  fs::create_symlink("b", root / "a" / "link");
+  fs::create_symlink("loop", root / "loop");
+  std::vector<std::string> parts;
+  for (const WayStep& step : way_to(root / "a" / "." / "link" / ".." / "file")) {
+    if (!step.path.string().starts_with(root.string())) continue;
+    parts.push_back(step.path.string().substr(root.string().size()) + (step.is_link ? "@" : "") +
+                    (step.is_end ? "!" : ""));
+  }
+  EXPECT_THAT(parts, testing::ElementsAre("", "/a", "/a/link@", "/a", "/a/b", "/a!", "/a/file!"));
+  EXPECT_TRUE(way_to(root / "loop").back().is_link);
 }
 
 TEST_F(PrivateFolder, MustNotHaveBeenPreparedByAnotherUser) {

@@ -53,6 +53,8 @@ TEST(Nearest, PrefersBeginningsThenFewChanges) {
   EXPECT_EQ(nearest("lunch", {"loopback", "launch"}), "launch");
   EXPECT_EQ(nearest("zzzzzz", {"loopback", "launch"}), "");
   EXPECT_EQ(nearest("", {"launch"}), "");
+  EXPECT_EQ(nearest("MOFC", {"none", "mofc"}), "mofc");
+  EXPECT_EQ(nearest("jnd", {"Jitter", "JND"}), "JND");
 }
 
 TEST(DidYouMean, KnowsCommandsAndTheirOptions) {
@@ -86,6 +88,29 @@ TEST(Completion, HasEveryCommandAndOptionInEveryShell) {
     EXPECT_THAT(text, Not(HasSubstr("it's"))) << "the quote would end the text";
   }
   EXPECT_THROW(static_cast<void>(completion(tool.app, "csh")), SetupError);
+}
+
+TEST(Completion, HasTheValuesOfOptionsAndTheWordsOfArguments) {
+  Tool tool;
+  std::vector<std::string> nodes;
+  const CLI::Validator values([](const std::string&) { return std::string(); }, "{device,mofc}");
+  tool.app.get_subcommand("run")
+      ->add_option("--nodes", nodes, "which")
+      ->type_name("NODE")
+      ->delimiter(',')
+      ->check(values);
+  tool.app.get_subcommand("run")->add_option("--only", tool.file, "one")->check(values);
+  const ArgumentWords words{{"scene", {"left", "it's", "right-2"}}};
+  const auto completed = [&](const char* shell) { return completion(tool.app, shell, {}, words); };
+  EXPECT_THAT(completed("bash"), AllOf(HasSubstr("--nodes) words='device mofc' ;;"),
+                                       HasSubstr("scene) words='left right-2 check")));
+  EXPECT_THAT(completed("zsh"),
+              AllOf(HasSubstr("[which]:NODE:_values -s , value device mofc'"),
+                    HasSubstr("[one]:TEXT:(device mofc)'"), HasSubstr("'*:word:(left right-2)'")));
+  EXPECT_THAT(completed("fish"),
+              AllOf(HasSubstr("-l nodes -x -a '(__fish_append , device mofc)'"),
+                    HasSubstr("-l only -x -a 'device mofc'"),
+                    HasSubstr("__fish_seen_subcommand_from scene' -f -a 'left right-2'")));
 }
 
 TEST(Glossary, IsReadAsTermsWithoutMarks) {

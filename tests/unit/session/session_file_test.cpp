@@ -614,6 +614,39 @@ TEST(SessionFile, SyntaxErrorIsReportedWithItsPlace) {
                               EndsWith("write 'name: value' or 'name { … }'")));
 }
 
+// each with its remedy, and nothing of what the parser makes of the rest
+TEST(SessionFile, NotationOfOtherFormatsIsNamed) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"name: 'x'\ndevice { rate_hz: 1kHz start_ramp_ms: 3 }",
+       "x.txtpb:2:19: cannot be read: 1 kHz: units are not written; give the number alone, in the "
+       "unit that the name of the field ends with"},
+      {"name: 'x'\ndevice { start_ramp_ms: 10 ms\n rate_hz: 50 }",
+       "x.txtpb:2:25: cannot be read: 10 ms: units are not written; give the number alone, in the "
+       "unit that the name of the field ends with"},
+      {"name: 'x'\n// of the desk\ndevice {}",
+       "x.txtpb:2:1: cannot be read: // begins no comment here; comments begin with #"},
+      {"/* of the desk */\nname: 'x'",
+       "x.txtpb:1:1: cannot be read: /* begins no comment here; comments begin with #"},
+      {"{ \"name\": \"x\", \"seed\": 1 }",
+       "x.txtpb:1:1: cannot be read: a session has no braces around it, unlike JSON; remove this "
+       "one and the last, and write names without quotes"},
+      {"name: 'x'\nmofc { \"mode\": guard }",
+       "x.txtpb:2:8: cannot be read: \"mode\": names of fields have no quotes, unlike in JSON; "
+       "leave them out"},
+      {"name: “x”\nseed: 1",
+       "x.txtpb:1:7: cannot be read: “ is no quotation mark here; write \" or ' instead"},
+      {"name: 'x'\nmofc { mode: 'guard' }",
+       "x.txtpb:2:14: cannot be read: 'guard': numbers and names have no quotes; write guard"},
+      {"name: \"x\nseed: 1",
+       "x.txtpb:1:7: cannot be read: \"x: the text does not end; end it with \""}};
+  for (const auto& [text, complaint] : cases) {
+    SCOPED_TRACE(text);
+    EXPECT_THAT(complaints(text), ElementsAre("x.txtpb: 1 problem", complaint));
+  }
+  EXPECT_THAT(complaints("name: 'x'\nmofc { controller: MOFC }").at(1),
+              EndsWith("did you mean 'mofc'?"));
+}
+
 TEST(SessionFile, WrongEnumeratorIsReportedWithTheRightOnes) {
   const std::vector<std::string> lines = complaints("name: \"x\"\nmofc { mode: fast }\n");
 

@@ -169,6 +169,18 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"scene={ tissue [ {}, { spere {} } ] }",
        "no field 'spere' in Tissue; did you mean 'sphere'"},
       {"realtime.wait=7", "realtime.wait = 7: must be hybrid, spin or block"},
+      {"device.rate_hz=1kHz", "device.rate_hz: cannot be read: 1 kHz: units are not written"},
+      {"device.rate_hz=1e3 Hz", "1e3 Hz: units are not written; give the number alone"},
+      {"device={ rate_hz: 1kHz }", "device: cannot be read: 1 kHz: units are not written"},
+      {"device.rate_hz=\"1000\"", "\"1000\": numbers and names have no quotes; write 1000"},
+      {"mofc.mode='guard'", "'guard': numbers and names have no quotes; write guard"},
+      {"mofc={\"mode\": guard}", "\"mode\": names of fields have no quotes, unlike in JSON"},
+      {"name=\"x", "\"x: the text does not end; end it with \""},
+      {"name=“x”", "name: cannot be read: “ is no quotation mark here; write \" or ' instead"},
+      {"physics.command=[‘x’]", "‘ is no quotation mark here"},
+      {"mofc={ mode: guard // fast\n }", "// begins no comment here; comments begin with #"},
+      {"mofc.controller=MOFC", "; did you mean 'mofc'?"},
+      {"Device.Rate_Hz=1", "Device: no such field; did you mean 'device'?"},
   };
   for (const BadOverride& row : rows) {
     SCOPED_TRACE(row.assignment);
