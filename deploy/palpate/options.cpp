@@ -23,10 +23,6 @@ void say_written(const std::vector<std::string>& files, const Verbosity& verbosi
   }
 }
 
-CLI::Validator usual_words(const std::vector<std::string>& words) {
-  return {[](const std::string&) { return std::string(); }, CLI::detail::generate_set(words)};
-}
-
 void SessionOptions::add_to(CLI::App& app) {
   app.add_option("SESSION", file, "session file (*.txtpb)")->required()->type_name("");
   add_override_option(app, overrides);

@@ -21,10 +21,6 @@ void say(const std::string& text);
 /// "FILE: written" for each that is a file.
 void say_written(const std::vector<std::string>& files, const Verbosity& verbosity);
 
-/// Words that the value of an option may have or begin with, for its help and for completion in
-/// shells; checks nothing.
-[[nodiscard]] CLI::Validator usual_words(const std::vector<std::string>& words);
-
 /// SESSION and --set.
 struct SessionOptions {
   std::string file;

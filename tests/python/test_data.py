@@ -116,10 +116,10 @@ class Data(TestCase):
     def test_overrides_are_dicts_lists_and_numbers_or_refused(self) -> None:
         figures = palpate.loopback(
             self.file,
-            {"mofc": {"controller": "none", "mode": "paper"}, "device.rate_hz": np.float64(500), "hand": {"hold": {}}},
+            {"mofc": {"controller": "none", "mode": "paper"}, "seed": np.int64(7), "hand": {"hold": {}}},
             seconds=0.1,
         )
-        self.assertEqual(figures["ticks"], 50)
+        self.assertEqual(figures["ticks"], 20)
         self.assertEqual(figures["controller"], "none")
         with self.assertRaisesRegex(palpate.SetupError, "physics.command names a program"):  # it was taken
             palpate.loopback(self.file, {"physics.command": ["a, b", 'c"d']}, seconds=0.1)

@@ -72,9 +72,10 @@ struct EmulateCommand {
     session.add_to(app);
     add_side_option(app, side);
     app.add_option("--fault", faults,
-                   "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500")
-        ->type_name("FAULT")
-        ->check(usual_words(device::fault_kinds()));
+                   fmt::format("KIND@SECONDS:MILLISECONDS, a fault of the wire, such as "
+                               "unplugged@2:500; KIND is one of {{{}}}",
+                               fmt::join(device::fault_kinds(), ", ")))
+        ->type_name("FAULT");
     app.add_flag("--hands-off", is_let_go,
                  "nobody holds the device, as `palpate identify` requires");
     add_no_realtime_flag(app, has_no_realtime);

@@ -81,10 +81,9 @@ void LaunchCommand::add_to(CLI::App& app) {
   app.add_option_function<std::vector<std::string>>(
          "--together", take_together,
          "run device and mofc in one process and one thread: fast enough for 4 kHz")
-      ->type_name("NODE,NODE")
+      ->type_name("NODE,NODE:{device,mofc}")
       ->delimiter(',')
-      ->allow_extra_args(false)
-      ->check(usual_words({"device", "mofc"}));
+      ->allow_extra_args(false);
   CLI::Option* const chosen =
       app.add_option("--nodes", nodes, "run only these nodes here, the others on other machines")
           ->type_name("NODE,…")

@@ -13,14 +13,17 @@ const auto kAll = [](const auto*) { return true; };
 /// The value of an option, as far as a shell can complete it.
 enum class Value { kNone, kFile, kSetting, kWord, kOther };
 
-/// Of "NODE:{device,mofc}": "device mofc"; empty: no list.
+/// Of an option whose type or description ends with "{device,mofc}": "device mofc"; empty: no list.
 std::string words_of(const CLI::Option& option) {
-  const std::string type = option.get_type_name();
-  const std::size_t begin = type.find('{');
-  if (begin == std::string::npos || type.back() != '}') return {};
-  std::string words = type.substr(begin + 1, type.size() - begin - 2);
-  std::replace(words.begin(), words.end(), ',', ' ');
-  return words;
+  for (const std::string& text : {option.get_type_name(), option.get_description()}) {
+    const std::size_t begin = text.find('{');
+    if (begin == std::string::npos || text.back() != '}') continue;
+    std::string words = text.substr(begin + 1, text.size() - begin - 2);
+    std::erase(words, ' ');
+    std::replace(words.begin(), words.end(), ',', ' ');
+    return words;
+  }
+  return {};
 }
 
 Value value_of(const CLI::Option& option) {

@@ -19,8 +19,9 @@ namespace palpate {
 /// Completions after a command, of its arguments without a name, by command.
 using ArgumentWords = std::map<std::string, std::vector<std::string>>;
 
-/// The completion of every command and option, and of the values of an option whose type has a list
-/// of them: "NODE:{device,mofc}". @param shell  bash, zsh or fish
+/// The completion of every command and option, and of the values of an option whose type or
+/// description ends with a list of them: "NODE:{device,mofc}".
+/// @param shell      bash, zsh or fish
 /// @param settings   completions after --set: "mofc.mode=", "mofc.mode=guard"
 /// @param arguments  instead of files; words with other characters than a-z A-Z 0-9 _ - are left
 ///                   out

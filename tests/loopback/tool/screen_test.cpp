@@ -356,11 +356,11 @@ TEST(Help, CompletesInBash) {
   EXPECT_EQ(completed("launch x --nodes device,mo"), "device,mofc ");
   EXPECT_EQ(completed("launch x --together ''"), "device mofc ");
   EXPECT_EQ(completed("emulate x --fault unpl"), "unplugged ");
-  EXPECT_EQ(completed("explain transparen"), "transparency ");
+  EXPECT_EQ(completed("explain transparency"), "transparency transparency_s ");
   EXPECT_EQ(completed("explain clamp sha"), "share ");
   EXPECT_EQ(completed("help loo"), "loopback ");
   EXPECT_EQ(completed("man la"), "launch ");
-  EXPECT_EQ(completed("completion ''"), "bash zsh fish --help --quiet --verbose ");
+  EXPECT_THAT(completed("completion ''"), testing::StartsWith("bash zsh fish -"));
 }
 
 TEST(Help, CompletesInFish) {

@@ -178,7 +178,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"name=\"x", "\"x: the text does not end; end it with \""},
       {"name=“x”", "name: cannot be read: “ is no quotation mark here; write \" or ' instead"},
       {"physics.command=[‘x’]", "‘ is no quotation mark here"},
-      {"mofc={ mode: guard // fast\n }", "// begins no comment here; comments begin with #"},
+      {"mofc={ mode: guard // fast }", "// begins no comment here; comments begin with #"},
       {"mofc.controller=MOFC", "; did you mean 'mofc'?"},
       {"Device.Rate_Hz=1", "Device: no such field; did you mean 'device'?"},
   };
