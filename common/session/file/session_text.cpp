@@ -320,6 +320,10 @@ std::vector<std::string> elements_of(const std::string& value) {
   return elements;
 }
 
+std::string one_of_several(const std::string& path) {
+  return path + ": say which one: " + path + "[0], …";
+}
+
 /// Reads a list, or its one element, into `field` of `message`. Texts need no quotes. Returns what
 /// is wrong; empty if nothing.
 std::string read_list(const pb::FieldDescriptor& field, const std::string& value,
@@ -401,7 +405,7 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
       return walked + ": is a single value and has no fields";
     }
     if (field->is_repeated() && index < 0) {
-      return walked + ": say which one: " + walked + "[0], …";
+      return one_of_several(walked);
     }
     if (index >= 0) {
       message = reflection.MutableRepeatedMessage(message, field, index);
@@ -482,7 +486,9 @@ void SessionText::check_numbers(const pb::Message& message, const std::string& p
       if (complaint.empty()) continue;
       std::string shown;
       pb::TextFormat::PrintFieldValueToString(message, field, -1, &shown);
-      problems_.add(place(child), child + " = " + shown + ": " + complaint);
+      std::string text = child;
+      text.append(" = ").append(shown).append(": ").append(complaint);
+      problems_.add(place(child), text);
     }
   }
 }

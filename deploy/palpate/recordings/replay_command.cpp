@@ -99,10 +99,11 @@ struct ReplayCommand {
       return page.has_value();
     };
     RecordingFile recording(file);
-    // what its chunks have lost is known when they are read
-    const bool is_known = status_of_damage(recording) != 0;
+    const int status = status_of_damage(recording);
+    const std::string damage = recording.damage();
     run_replay(replay, recording);
-    return is_known ? kExitFailure : status_of_damage(recording);
+    // what its chunks have lost is known when they are read
+    return recording.damage() == damage ? status : status_of_damage(recording);
   }
 };
 

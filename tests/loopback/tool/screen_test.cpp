@@ -375,6 +375,10 @@ TEST(Help, CompletesInFish) {
   EXPECT_EQ(completed("palpate launch x --set mofc.mode=g"), "mofc.mode=guard\n");
   EXPECT_EQ(completed("palpate loopback x --set viewer.control="),
             "viewer.control=false\nviewer.control=true\n");
+  EXPECT_EQ(completed("palpate launch x --nodes device,mo"), "device,mofc\n");
+  EXPECT_EQ(completed("palpate emulate x --fault unpl"), "unplugged\n");
+  EXPECT_EQ(completed("palpate explain transparency_"), "transparency_s\n");
+  EXPECT_EQ(completed("palpate completion "), "bash\nfish\nzsh\n");
 }
 
 // the two builtins of the completion system are stood in for: they work at a prompt only
