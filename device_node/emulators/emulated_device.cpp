@@ -61,6 +61,7 @@ std::vector<FaultOutcome> outcomes_of(const std::vector<PlannedFault>& faults) {
 
 std::vector<std::string> fault_kinds() {
   std::vector<std::string> kinds;
+  kinds.reserve(kWireFaults.size());
   for (const auto& [name, kind] : kWireFaults) kinds.emplace_back(name);
   return kinds;
 }
@@ -161,7 +162,7 @@ DeviceSample EmulatedDevice::switch_to(Hardware::HeldForce force_on_hand_newton)
   return switched(device_.switch_to(std::move(force_on_hand_newton)));
 }
 
-DeviceSample EmulatedDevice::switched(DeviceSample sample) noexcept {
+DeviceSample EmulatedDevice::switched(const DeviceSample& sample) noexcept {
   note_switch(sample.sampled_at, force_newton().norm());
   ++messages_;
   return seen(sample);

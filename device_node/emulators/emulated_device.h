@@ -114,7 +114,7 @@ class EmulatedDevice {
   [[nodiscard]] Duration watchdog() const noexcept;
   /// What the faults under way make of the hardware.
   void set_vices() noexcept;
-  DeviceSample switched(DeviceSample sample) noexcept;
+  DeviceSample switched(const DeviceSample& sample) noexcept;
   /// Another force follows now; the lock is held.
   void note_force_until(TimePoint now) noexcept;
 

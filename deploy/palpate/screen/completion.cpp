@@ -122,7 +122,7 @@ std::string bash(const CLI::App& app, const std::string& settings, const Argumen
   }
   std::string lists;
   for (const auto& [name, words] : values) {
-    lists += "    " + name + ") words='" + words + "' ;;\n";
+    lists.append("    ").append(name).append(") words='").append(words).append("' ;;\n");
   }
   return "# Completion of palpate for bash, made by `palpate completion bash`.\n"
          "_palpate() {\n"
@@ -293,7 +293,8 @@ std::string fish(const CLI::App& app, const std::string& settings, const Argumen
             quoted(command->get_description()) + "'\n";
     const std::string when = "__fish_seen_subcommand_from " + command->get_name();
     if (const std::string own = words_of(arguments, *command); !own.empty()) {
-      text += "complete -c palpate -n '" + when + "' -f -a '" + own + "'\n";
+      text.append("complete -c palpate -n '").append(when).append("' -f -a '");
+      text.append(own).append("'\n");
     }
     for (const CLI::App* sub : command->get_subcommands(kAll)) {
       text += "complete -c palpate -n '" + when + "' -a " + sub->get_name() + " -d '" +

@@ -298,8 +298,9 @@ TEST_F(RecordingTools, OneRunHasOneSetOfFigures) {
 
 // with the path of the ideal run, which the recording has
 TEST_F(RecordingTools, OneRunHasOneVerdict) {
-  ASSERT_EQ(palpate({"loopback", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb", "--seconds",
-                     "3", "--record", path("ideal.mcap"), "--json", path("ideal.json")})
+  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  ASSERT_EQ(palpate({"loopback", session, "--seconds", "3", "--record", path("ideal.mcap"),
+                     "--json", path("ideal.json")})
                 .status,
             0);
   const json run = json::parse(text_of(path("ideal.json")));

@@ -198,12 +198,12 @@ TEST_F(Screen, OfARunSaysWhatIsGoodAndWhatIsBad) {
 TEST_F(Screen, OfALaunchWithALatchedFaultSaysSoAndItsStatusIsNotZero) {
   const test::TempFolder folder;
   const std::string json = (folder.path() / "run.json").string();
+  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/paper_soft.txtpb";
   const Outcome launch = run_program(
-      "palpate",
-      {"launch", PALPATE_SOURCE_DIR "/deploy/sessions/paper_soft.txtpb", "--no-realtime",
-       "--no-viewer", "--seconds", "3", "--json", json, "--set", "device.v_fault_m_per_s=5",
-       "--set", "hand.sinusoid={ amplitude_m { z: 0.2 } frequency_hz { z: 8 } }", "--set",
-       "hand.stiffness_newton_per_m=5000", "--set", "hand.damping_newton_s_per_m=60"});
+      "palpate", {"launch", session, "--no-realtime", "--no-viewer", "--seconds", "3", "--json",
+                  json, "--set", "device.v_fault_m_per_s=5", "--set",
+                  "hand.sinusoid={ amplitude_m { z: 0.2 } frequency_hz { z: 8 } }", "--set",
+                  "hand.stiffness_newton_per_m=5000", "--set", "hand.damping_newton_s_per_m=60"});
   EXPECT_EQ(launch.status, 1) << launch.err;
   EXPECT_THAT(launch.out, HasSubstr("bad   device fault: position jumped"));
   EXPECT_THAT(launch.out, Not(HasSubstr("check the hand's path")));

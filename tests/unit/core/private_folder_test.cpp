@@ -24,7 +24,7 @@ class PrivateFolder : public testing::Test {
  protected:
   /// A folder that another user made beforehand.
   fs::path theirs(const char* name, mode_t mode) {
-    const fs::path folder = temp_.path() / name;
+    fs::path folder = temp_.path() / name;
     mkdir(folder.c_str(), 0700);
     EXPECT_EQ(chown(folder.c_str(), 12345, 12345), 0);
     EXPECT_EQ(chmod(folder.c_str(), mode), 0);
