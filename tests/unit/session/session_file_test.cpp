@@ -879,8 +879,9 @@ TEST_F(SessionFolder, UnreadableFilesAreReportedWithTheReason) {
   EXPECT_THAT(complaint_of_file(folder_ / "none.txtpb"), HasSubstr("none.txtpb: no such file"));
   EXPECT_THAT(complaint_of_file(folder_), HasSubstr("is a folder"));
   EXPECT_THAT(complaint_of_file(folder_ / "pipe"), HasSubstr("is not a regular file"));
-  EXPECT_THAT(complaint_of_file(write("big", std::string(16'000'001, ' '))),
-              HasSubstr("has more than 16000000 bytes"));
+  std::string big;
+  big.resize(16'000'001, ' ');
+  EXPECT_THAT(complaint_of_file(write("big", big)), HasSubstr("has more than 16000000 bytes"));
 }
 
 TEST_F(SessionFolder, FileWithoutPermissionIsReported) {
