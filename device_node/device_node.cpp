@@ -134,6 +134,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   if (!device_.read(sample)) return reason_of(device_.last_error(), FaultReason::kReadFailed);
   const FaultReason reading = judge_with_latched(sample);
   record.sampled_at = sample.sampled_at;
+  if (recorded_until_ == sample.sampled_at) ++counters_.repeated_readings;
   if (reading != FaultReason::kNone) return reading;
   const DeviceState& state = make_state(sample, record.sequence);
   if (config_.monitor.is_on && !monitor_.is_account_plausible()) return FaultReason::kAccountWrong;
@@ -314,7 +315,11 @@ FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept 
 
 void DeviceNode::count_appointment(const Tick& tick) noexcept {
   LoopCounters& loop = counters_.loop;
-  if (loop.ticks > 0) loop.skipped_ticks += tick.index - next_index_;
+  if (loop.ticks > 0) {
+    const std::uint64_t skipped = tick.index - next_index_;
+    loop.skipped_ticks += skipped;
+    counters_.longest_skip_ticks = std::max(counters_.longest_skip_ticks, skipped);
+  }
   next_index_ = tick.index + 1;
   ++loop.ticks;
   loop.worst_lateness = std::max(loop.worst_lateness, tick.now - tick.scheduled_at);
@@ -429,6 +434,7 @@ void DeviceNode::count(const DeviceTick& record) noexcept {
       break;
     case GuardState::kLimp:
       ++counters_.limp_ticks;
+      if (counters_.answered_ticks == 0) ++counters_.start_up_ticks;
       break;
     case GuardState::kFault:
       ++counters_.fault_ticks;

@@ -99,11 +99,15 @@ void run_ahead_of(int priority) {
   }
 }
 
-std::string too_many_ticks(std::size_t ticks) {
+std::size_t usable_processors() {
   cpu_set_t allowed;
-  if (sched_getaffinity(0, sizeof(allowed), &allowed) != 0) return "";
-  const auto processors = static_cast<std::size_t>(CPU_COUNT(&allowed));
-  if (ticks <= processors) return "";
+  if (sched_getaffinity(0, sizeof(allowed), &allowed) != 0) return 0;
+  return static_cast<std::size_t>(CPU_COUNT(&allowed));
+}
+
+std::string too_many_ticks(std::size_t ticks) {
+  const std::size_t processors = usable_processors();
+  if (processors == 0 || ticks <= processors) return "";
   return std::to_string(ticks) + " sides on " + std::to_string(processors) +
          (processors == 1 ? " processor" : " processors") +
          ": their ticks may delay each other and all other programs; use fewer sides, a lower "

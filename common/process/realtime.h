@@ -28,6 +28,9 @@ RealtimeReport enter_realtime(const RealtimeConfig& config);
 /// those. The threads and processes that it starts get ordinary scheduling. Never fails.
 void run_ahead_of(int priority);
 
+/// That this process may use; 0: not known.
+[[nodiscard]] std::size_t usable_processors();
+
 /// A warning if so many ticks are more than this process may use processors; "" otherwise.
 [[nodiscard]] std::string too_many_ticks(std::size_t ticks);
 

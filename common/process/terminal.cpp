@@ -51,7 +51,10 @@ std::string coloured(const std::string& text, Colour colour, int descriptor) {
   // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
   const char* refusal = std::getenv("NO_COLOR");
   if (!is_terminal(descriptor) || (refusal != nullptr && *refusal != '\0')) return text;
-  return (colour == Colour::kGood ? "\033[32m" : "\033[31m") + text + "\033[0m";
+  const char* const begin = colour == Colour::kGood   ? "\033[32m"
+                            : colour == Colour::kFair ? "\033[33m"
+                                                      : "\033[31m";
+  return begin + text + "\033[0m";
 }
 
 std::size_t columns_of(const std::string& text) {

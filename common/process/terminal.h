@@ -25,8 +25,8 @@ namespace palpate {
 /// is there, which is written again below.
 [[nodiscard]] std::string line_start(int descriptor);
 
-enum class Colour { kGood, kBad };
-/// The text in green or red if the descriptor is a terminal and $NO_COLOR is not set.
+enum class Colour { kGood, kFair, kBad };
+/// The text in green, yellow or red if the descriptor is a terminal and $NO_COLOR is not set.
 [[nodiscard]] std::string coloured(const std::string& text, Colour colour,
                                    int descriptor = STDOUT_FILENO);
 

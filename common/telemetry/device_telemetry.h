@@ -105,11 +105,13 @@ inline constexpr const char* kReleaseUnconfirmedText =
 
 struct DeviceCounters {
   LoopCounters loop;
+  std::uint64_t longest_skip_ticks = 0;  ///< skipped at a stretch, at most
   LinkCounters force_command;
   std::uint64_t answered_ticks = 0;
   std::uint64_t leased_ticks = 0;
   std::uint64_t fallback_ticks = 0;  ///< fallback or fading
   std::uint64_t limp_ticks = 0;
+  std::uint64_t start_up_ticks = 0;  ///< of these: before the first answer
   std::uint64_t peak_limited_ticks = 0;
   std::uint64_t fault_ticks = 0;    ///< while a fault was latched
   std::uint64_t device_faults = 0;  ///< latched so far
@@ -125,6 +127,8 @@ struct DeviceCounters {
   std::uint64_t ledger_excesses = 0;
   std::uint64_t too_fast_readings = 0;  ///< certainly faster than the monitor's v_max
   std::uint64_t coarse_readings = 0;    ///< steps of an encoder coarser than the profile says
+  /// Readings with the stamp of the reading of the tick before: the driver had no newer one.
+  std::uint64_t repeated_readings = 0;
   /// Friction found by the hands-off check, as a share of the session's profile: 1 where the
   /// profile holds, less where it was lowered; 0: no check.
   double checked_friction_ratio = 0.0;

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "common/core/vector.h"
 #include "deploy/launch/supervisor.h"
 
 namespace palpate {
@@ -59,6 +60,8 @@ struct LaunchResult {
   LaunchEnd end = LaunchEnd::kTimeUp;
   std::vector<Supervisor::Restarts> restarts;  ///< of each node
   std::chrono::duration<double> wall{};        ///< from the first start to the last end
+  std::size_t processors = 0;  ///< that all nodes of the session shared; 0: some ran elsewhere
+  double load = kNaN;          ///< mean load of this machine in the last minute of the run
 
   /// 2 if a node reported a wrong set-up, 1 if one never came up, else 0. The node has printed the
   /// problem to stderr.

@@ -10,10 +10,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -56,7 +59,35 @@ struct Finding {
   std::string text;      ///< what was found
   std::string remedy{};  ///< what to do; empty: nothing
   bool is_note = false;  ///< to be known, and nothing can be done about it
+
+  friend bool operator==(const Finding& a, const Finding& b) {
+    return a.what == b.what && a.text == b.text && a.remedy == b.remedy && a.is_note == b.is_note;
+  }
 };
+
+/// Appends what `examine` finds of each side, by with_only_side(): what is the same of all once,
+/// the rest with the name of its side.
+void examine_sides(
+    const Session& session, std::vector<Finding>& findings,
+    const std::function<void(const Session& of_one_side, std::vector<Finding>&)>& examine) {
+  std::vector<std::vector<Finding>> found(session.sides.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    examine(with_only_side(session, session.sides[i].name), found[i]);
+  }
+  const auto is_of_all = [&](const Finding& one) {
+    return std::all_of(found.begin(), found.end(), [&](const std::vector<Finding>& of_side) {
+      return std::find(of_side.begin(), of_side.end(), one) != of_side.end();
+    });
+  };
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (const Finding& one : found[i]) {
+      const bool is_same = is_of_all(one);
+      if (is_same && i > 0) continue;
+      findings.push_back(one);
+      if (!is_same) findings.back().what = session.sides[i].name + ": " + one.what;
+    }
+  }
+}
 
 Finding examine_realtime(const RealtimeConfig& realtime) {
   if (realtime.priority == 0) return {"real-time", "the session requests ordinary scheduling"};
@@ -300,6 +331,18 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
        .is_note = true});
 }
 
+/// Once for sides whose ticks are alike, with the name of the first of them if others are not.
+void examine_timers(const Session& session, std::vector<Finding>& findings) {
+  std::map<std::tuple<int, int, double>, const Side*> kinds;
+  for (const Side& side : session.sides) {
+    kinds.try_emplace({side.realtime.priority, side.realtime.cpu, side.device.rate_hz}, &side);
+  }
+  for (const auto& [kind, side] : kinds) {
+    findings.push_back(examine_timer(side->realtime, side->device.rate_hz));
+    if (kinds.size() > 1) findings.back().what = side->name + ": timer";
+  }
+}
+
 /// What the guarantee assumes (docs/theory.md §1), as far as it can be examined without a hand.
 void examine_assumptions(const Session& session, std::vector<Finding>& findings) {
   const Side& side = session.side();
@@ -330,19 +373,23 @@ void examine_assumptions(const Session& session, std::vector<Finding>& findings)
   findings.push_back(speed);
 }
 
-/// With a session also its links and keys, as far as they concern this machine. Takes about a
-/// second.
+/// With a session also the links, keys and devices of its sides, as far as they concern this
+/// machine. Takes about a second for each processor of a tick.
 std::vector<Finding> examine_machine(const std::optional<Session>& session) {
   const Session& examined = session ? *session : Session();
-  std::vector<Finding> findings{
-      examine_realtime(examined.side().realtime), examine_processors(examined.sides.size()),
-      examine_memory(), examine_timer(examined.side().realtime, examined.side().device.rate_hz),
-      examine_clock_source()};
+  std::vector<Finding> findings;
+  examine_sides(examined, findings, [](const Session& of_side, std::vector<Finding>& found) {
+    found.push_back(examine_realtime(of_side.side().realtime));
+  });
+  findings.push_back(examine_processors(examined.sides.size()));
+  findings.push_back(examine_memory());
+  examine_timers(examined, findings);
+  findings.push_back(examine_clock_source());
   if (session) {
-    examine_links(*session, findings);
+    examine_sides(*session, findings, examine_links);
     findings.push_back(examine_page(session->viewer.web));
-    examine_keys(*session, findings);
-    examine_assumptions(*session, findings);
+    examine_sides(*session, findings, examine_keys);
+    examine_sides(*session, findings, examine_assumptions);
     for (const std::string& warning : session_warnings(*session)) {
       findings.push_back({.what = "session", .text = warning, .is_note = true});
     }

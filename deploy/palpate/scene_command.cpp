@@ -71,16 +71,18 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
     throw SetupError(with_place(session, error.what()));
   }
   for (const std::string& warning : warnings) say("warning: " + warning);
+  const std::string count =
+      warnings.empty()
+          ? ""
+          : std::to_string(warnings.size()) + (warnings.size() == 1 ? " warning, " : " warnings, ");
+  std::printf("%s: ok (%s%zu tissues, physics %g Hz", options.file.c_str(), count.c_str(),
+              session.scene.tissues.size(), session.physics.rate_hz);
   for (const Side& side : session.sides) {
-    std::printf("%s: ok (%s%s%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
-                options.file.c_str(),
-                warnings.empty() ? ""
-                                 : (std::to_string(warnings.size()) +
-                                    (warnings.size() == 1 ? " warning, " : " warnings, "))
-                                       .c_str(),
-                side.name.empty() ? "" : (side.name + ", ").c_str(), session.scene.tissues.size(),
-                side.device.rate_hz, session.physics.rate_hz, controller_text(side.mofc).c_str());
+    const std::string label = side.name.empty() ? ", " : "; " + side.name + ": ";
+    std::printf("%sdevice %g Hz, controller %s", label.c_str(), side.device.rate_hz,
+                controller_text(side.mofc).c_str());
   }
+  std::printf(")\n");
   for (const std::string& report : reports) std::printf("%s\n", report.c_str());
   return 0;
 }

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <limits>
 #include <type_traits>
+#include <utility>
 #include <variant>
 
 #include "common/core/check.h"
@@ -23,6 +24,8 @@ namespace {
 constexpr double kLargestTip_m = 0.03;
 constexpr double kSoftestTissue_pa = 200.0;  // brain: 500 to 3,000
 constexpr double kSoftestSpring_newton_per_m = 5.0;
+/// Of impedance and admittance displays that are sold.
+constexpr double kStiffestDevice_newton_per_m = 50e3;
 constexpr double kLikeliestFriction_ratio = 1.5;  // profile over simulated device
 constexpr double kFrictionSpeed_m_per_s = 0.05;
 constexpr double kPathStep_s = 2e-3;
@@ -67,9 +70,7 @@ double friction_newton(double viscous, double coulomb) {
 
 void examine_side(const Session& session, const Side& side, const physics::Scene& scene,
                   std::vector<std::string>& warnings) {
-  const auto warn = [&](const std::string& text) {
-    warnings.push_back(side.name.empty() ? text : side.name + ": " + text);
-  };
+  const auto warn = [&](const std::string& text) { warnings.push_back(text); };
   const RealtimeConfig& realtime = side.realtime;
   if (realtime.wait == WaitStrategy::kSpin && realtime.priority > 0 && realtime.cpu >= 0) {
     warn(
@@ -117,13 +118,40 @@ void examine_side(const Session& session, const Side& side, const physics::Scene
   }
 }
 
-void examine_tissue(const TissueConfig& tissue, std::vector<std::string>& warnings) {
+/// A sampled wall of at most 2 b/T is passive with the device's viscous friction alone:
+/// [Colgate97].
+std::string limit_of_devices(const Session& session) {
+  std::string text;
+  for (const Side& side : session.sides) {
+    const double limit = 2.0 * side.device.profile.viscous_newton_s_per_m * side.device.rate_hz;
+    text += fmt::format("{}{}{:.3g} N/m", text.empty() ? "" : ", ",
+                        side.name.empty() ? "" : side.name + ": ", limit);
+  }
+  return text;
+}
+
+void examine_tissue(const Session& session, const TissueConfig& tissue,
+                    std::vector<std::string>& warnings) {
+  const auto too_stiff = [&](const char* field, double value, const char* unit,
+                             double newton_per_m) {
+    if (newton_per_m <= kStiffestDevice_newton_per_m) return;
+    warnings.push_back(fmt::format(
+        "tissue \"{}\": {} = {:g} {}: {:.2g} N/m under the tool is beyond what any device renders, "
+        "some {:g} N/m, and the clamp will hold most of it back; by the viscous friction of "
+        "device.profile alone the limit is {} (2 b/T)",
+        tissue.name, field, value, unit, newton_per_m, kStiffestDevice_newton_per_m,
+        limit_of_devices(session)));
+  };
   const auto soft = [&](const char* field, double value, const char* unit, const char* remedy) {
     warnings.push_back(fmt::format("tissue \"{}\": {} = {:g} {} is softer than any tissue; {}",
                                    tissue.name, field, value, unit, remedy));
   };
   if (const auto* elastic = std::get_if<ElasticMaterial>(&tissue.material)) {
     const char* const remedy = "give it in Pa: 15 kPa is 15000";
+    // of a half space under a flat punch as wide as the tip: 2 a E/(1 − ν²)
+    const double punch_m =
+        2.0 * session.scene.tip_radius_m / (1.0 - elastic->poisson_ratio * elastic->poisson_ratio);
+    too_stiff("elastic.young_pa", elastic->young_pa, "Pa", punch_m * elastic->young_pa);
     if (elastic->young_pa < kSoftestTissue_pa) {
       soft("elastic.young_pa", elastic->young_pa, "Pa", remedy);
     }
@@ -131,10 +159,13 @@ void examine_tissue(const TissueConfig& tissue, std::vector<std::string>& warnin
       if (part.young_pa < kSoftestTissue_pa) {
         soft("elastic.part.young_pa", part.young_pa, "Pa", remedy);
       }
+      too_stiff("elastic.part.young_pa", part.young_pa, "Pa", punch_m * part.young_pa);
     }
     return;
   }
   const auto& spring = std::get<KelvinVoigtMaterial>(tissue.material);
+  too_stiff("stiffness_newton_per_m", spring.stiffness_newton_per_m, "N/m",
+            spring.stiffness_newton_per_m);
   if (spring.stiffness_newton_per_m < kSoftestSpring_newton_per_m) {
     soft("stiffness_newton_per_m", spring.stiffness_newton_per_m, "N/m",
          "give it in N/m: 0.5 N/mm is 500");
@@ -152,7 +183,12 @@ std::vector<std::string> session_warnings(const Session& session) {
   };
   too_large("scene.tool.tip_radius_m", session.scene.tip_radius_m);
   too_large("scene.tool.shaft_radius_m", session.scene.shaft_radius_m);
-  for (const TissueConfig& tissue : session.scene.tissues) examine_tissue(tissue, warnings);
+  for (const TissueConfig& tissue : session.scene.tissues)
+    examine_tissue(session, tissue, warnings);
+  if (session.scene.tissues.empty() && session.physics_command.empty()) {
+    warnings.push_back(
+        "scene: has no tissue, so there is nothing to touch; add scene { tissue { … } }");
+  }
 
   if (!session.physics_command.empty()) {
     try {
@@ -180,7 +216,21 @@ std::vector<std::string> session_warnings(const Session& session) {
   }
 
   const physics::Scene scene(rigid(session.scene));
-  for (const Side& side : session.sides) examine_side(session, side, scene, warnings);
+  std::vector<std::pair<std::string, std::vector<std::string>>> of_sides;  // text, sides
+  for (const Side& side : session.sides) {
+    std::vector<std::string> texts;
+    examine_side(session, side, scene, texts);
+    for (const std::string& text : texts) {
+      auto same = std::find_if(of_sides.begin(), of_sides.end(),
+                               [&](const auto& known) { return known.first == text; });
+      if (same == of_sides.end()) same = of_sides.insert(same, {text, {}});
+      same->second.push_back(side.name);
+    }
+  }
+  for (const auto& [text, names] : of_sides) {
+    const bool is_of_all = names.size() == session.sides.size();
+    warnings.push_back(is_of_all ? text : fmt::format("{}: {}", fmt::join(names, ", "), text));
+  }
   return warnings;
 }
 

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "common/session/session_file.h"
+#include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -29,6 +30,7 @@ using test::TempFolder;
 using test::Watcher;
 using test::WebClient;
 using testing::AllOf;
+using testing::ContainsRegex;
 using testing::HasSubstr;
 
 /// Both hands press into one block of 400 N/m with springs of 400 N/m, the left one 5 mm, the right
@@ -259,6 +261,42 @@ TEST_F(TwoHands, OnOneProcessorAreAWarningOfLaunchAndDoctor) {
   EXPECT_EQ(launch.status, 0) << launch.err;
   EXPECT_THAT(doctor.out, HasSubstr("2 sides on 1 processor"));
   EXPECT_THAT(doctor.out, HasSubstr("use fewer sides"));
+}
+
+TEST_F(TwoHands, DoctorLooksAtEverySide) {
+  const test::HeldPort taken;
+  const std::string session =
+      files_.write("doctor.txtpb",
+                   "name: \"doctor\" device { rate_hz: 100 } side { name: \"left\" } side { name: "
+                   "\"right\" device { monitor: off } links { tool_motion: \"" +
+                       taken.endpoint() + "\" } }");
+  const Outcome doctor = run_program("palpate", {"doctor", session});
+
+  EXPECT_EQ(doctor.status, 1);
+  EXPECT_THAT(doctor.out, ContainsRegex("TO DO  right: links.tool_motion .*in use by another"));
+  EXPECT_THAT(doctor.out, ContainsRegex("ok     left: links.tool_motion .* is free"));
+  EXPECT_THAT(doctor.out, ContainsRegex("TO DO  right: monitor .*off"));
+  EXPECT_THAT(doctor.out, ContainsRegex("ok     left: monitor .*on"));
+  // their ticks are on processors of their own
+  EXPECT_THAT(doctor.out, AllOf(HasSubstr("left: timer"), HasSubstr("right: timer")));
+  // what is the same of both is given once, and so is the machine
+  for (const char* once :
+       {"  links.physics_telemetry ", "  friction ", "  memory ", "  real-time "}) {
+    EXPECT_THAT(doctor.out, HasSubstr(once));
+    EXPECT_EQ(doctor.out.find(once), doctor.out.rfind(once)) << once;
+  }
+}
+
+TEST_F(TwoHands, SceneCheckGivesAWarningOnce) {
+  const Outcome check =
+      run_program("palpate", {"scene", "check", file_, "--set",
+                              "device.profile={ coulomb_newton: 5 position_resolution_m: 0 }"});
+  EXPECT_EQ(check.status, 0);
+  EXPECT_THAT(check.err, HasSubstr("device.profile: claims"));
+  EXPECT_EQ(check.err.find("claims"), check.err.rfind("claims"));
+  EXPECT_THAT(check.out, HasSubstr("ok (2 warnings, 1 tissues, physics "));
+  EXPECT_THAT(check.out, HasSubstr("; right: device 200 Hz, controller none"));
+  EXPECT_EQ(check.out.find("warning"), check.out.rfind("warning"));
 }
 
 TEST_F(TwoHands, ANodeNeedsItsSide) {

@@ -259,9 +259,11 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.loop = random_loop_counters(random);
   c.force_command = random_link_counters(random);
   c.answered_ticks = random.bits();
+  c.longest_skip_ticks = random.bits();
   c.leased_ticks = random.bits();
   c.fallback_ticks = random.bits();
   c.limp_ticks = random.bits();
+  c.start_up_ticks = random.bits();
   c.peak_limited_ticks = random.bits();
   c.fault_ticks = random.bits();
   c.device_faults = random.bits();
@@ -274,6 +276,7 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.ledger_excesses = random.bits();
   c.too_fast_readings = random.bits();
   c.coarse_readings = random.bits();
+  c.repeated_readings = random.bits();
   c.checked_friction_ratio = random.uniform(0.0, 1.0);
   c.has_no_motor_watchdog = random.chance(0.5);
   c.accepts_no_motor_watchdog = random.chance(0.5);
@@ -717,6 +720,8 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
   return same(a.loop, b.loop) && same(a.force_command, b.force_command) &&
          a.answered_ticks == b.answered_ticks && a.leased_ticks == b.leased_ticks &&
          a.fallback_ticks == b.fallback_ticks && a.limp_ticks == b.limp_ticks &&
+         a.start_up_ticks == b.start_up_ticks && a.repeated_readings == b.repeated_readings &&
+         a.longest_skip_ticks == b.longest_skip_ticks &&
          a.peak_limited_ticks == b.peak_limited_ticks && a.device_faults == b.device_faults &&
          a.fault_ticks == b.fault_ticks && a.fault_resets == b.fault_resets &&
          a.last_fault == b.last_fault && a.non_finite_commands == b.non_finite_commands &&

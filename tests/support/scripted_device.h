@@ -39,6 +39,7 @@ class ScriptedDevice : public device::HapticDevice {
   std::optional<Vector3> position_m;  ///< instead of the moving hand
   Quaternion orientation = Quaternion::Identity();
   std::uint32_t buttons = 0;
+  std::optional<TimePoint> stamp = {};               ///< of the readings, instead of now
   std::optional<device::DeviceSample> latched = {};  ///< as a force ended by itself
   bool fails_to_read = false;
   device::DeviceError error = device::DeviceError::kFailed;  ///< why it fails
@@ -63,7 +64,7 @@ class ScriptedDevice : public device::HapticDevice {
     sample = {.hand_position_m = position_m.value_or(Vector3(seconds_of(now), 0, 0)),
               .orientation = orientation,
               .buttons = buttons,
-              .sampled_at = now};
+              .sampled_at = stamp.value_or(now)};
     if (!specification_.has_motor_watchdog && !writes.empty()) {
       // the driver ends a force with the first message after its lease
       if (now >= writes.back().until) writes.push_back({now, Vector3::Zero(), now});

@@ -138,6 +138,11 @@ void add_device(Page& page, const DeviceCounters& c) {
                 {label("force", "fallback"), c.fallback_ticks},
                 {label("force", "limp"), c.limp_ticks},
                 {label("force", "fault"), c.fault_ticks}});
+  page.counter("device_start_up_ticks", "Ticks without a force before the first answer.",
+               {{"", c.start_up_ticks}});
+  page.counter("device_repeated_readings",
+               "Readings with the stamp of the reading of the tick before.",
+               {{"", c.repeated_readings}});
   page.counter("device_peak_limited_ticks", "Ticks at the device's force limit.",
                {{"", c.peak_limited_ticks}});
   page.counter("device_faults", "Latched faults.", {{"", c.device_faults}});

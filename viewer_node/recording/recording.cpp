@@ -87,9 +87,7 @@ mcap::Strings NodeVersions::metadata() const {
 
 Recording::Recording(const RecordOptions& options, const Session& session,
                      const std::string& recorded_by, TelemetrySubscriber& subscriber)
-    : writer_(options.file, options.may_overwrite, recorded_channels()),
-      subscriber_(subscriber),
-      newest_marker_ns_(wall_clock_ns()) {
+    : writer_(options.file, options.may_overwrite, recorded_channels()), subscriber_(subscriber) {
   writer_.add_metadata(kRunMetadata, run_metadata(session, recorded_by));
   subscriber.subscribe<SceneState>();
   subscriber.subscribe<MeshFrame>();
@@ -107,10 +105,22 @@ void Recording::take(const TelemetryMessage& message, std::span<const std::byte>
   if (key && scene_ == key) return;
   const bool is_queued =
       push({.channel = message.index(),
-            .log_time_ns = wall_clock_ns(),
+            .log_time_ns = log_time_ns(),
             .payload = {reinterpret_cast<const char*>(payload.data()), payload.size()}});
   if (key && is_queued) scene_ = key;
   if (versions_.note(message)) push({.nodes = versions_.metadata()});
+}
+
+std::uint64_t Recording::log_time_ns() const {
+  return begin_ns_ + static_cast<std::uint64_t>((clock_.now() - began_at_).count());
+}
+
+std::uint64_t Recording::log_time_of(const Marker& marker) const {
+  const std::uint64_t now_ns = log_time_ns();
+  const std::uint64_t wall_ns = wall_clock_ns();
+  // older than the recording, or of the future: the wall clock was set since
+  const bool is_plausible = marker.at_ns <= wall_ns && wall_ns - marker.at_ns <= now_ns - begin_ns_;
+  return is_plausible ? now_ns - (wall_ns - marker.at_ns) : now_ns;
 }
 
 /// Those that are new since the recording began; the markers of a replay belong to its recording.
@@ -124,9 +134,11 @@ void Recording::take_markers(const RunState& run) {
   for (const Marker& marker : run.markers) {
     if (marker.at_ns <= newest_marker_ns_) continue;
     newest_marker_ns_ = marker.at_ns;
+    Marker recorded = marker;
+    recorded.at_ns = log_time_of(marker);
     push({.channel = TelemetryMessage(std::in_place_type<RunState>).index(),
-          .log_time_ns = marker.at_ns,
-          .payload = encode_marker(marker)});
+          .log_time_ns = recorded.at_ns,
+          .payload = encode_marker(recorded)});
   }
   if (is_first) newest_marker_ns_ = run.markers.empty() ? 0 : run.markers.back().at_ns;
 }

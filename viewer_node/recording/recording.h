@@ -20,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/clock.h"
 #include "common/link/telemetry_subscriber.h"
 #include "common/session/session.h"
 #include "viewer_node/recording/mcap_writer.h"
@@ -96,17 +97,24 @@ class Recording {
     mcap::Strings nodes{};  // not empty: metadata instead of a message
   };
 
+  /// The wall clock of the begin of the recording, which went on without a step.
+  [[nodiscard]] std::uint64_t log_time_ns() const;
+  /// When a marker was set, on that clock.
+  [[nodiscard]] std::uint64_t log_time_of(const Marker& marker) const;
   void take_markers(const RunState& run);
   /// False if the queue is full: the item is dropped and counted.
   bool push(Item&& item);
   void write_until(const std::stop_token& stop);
   void write(std::vector<Item>& items);
 
+  SteadyClock clock_;
+  TimePoint began_at_ = clock_.now();
+  std::uint64_t begin_ns_ = wall_clock_ns();
   McapWriter writer_;
   TelemetrySubscriber& subscriber_;
   NodeVersions versions_;
   std::optional<std::pair<std::uint64_t, std::uint64_t>> scene_;  // newest: session id, revision
-  std::uint64_t newest_marker_ns_;
+  std::uint64_t newest_marker_ns_ = begin_ns_;
   std::optional<std::uint64_t> run_;  // session id of the markers' host
 
   std::mutex mutex_;

@@ -47,7 +47,8 @@ void for_each_count(DeviceCounters& a, const DeviceCounters& b, const DeviceCoun
         &DeviceCounters::non_finite_commands, &DeviceCounters::late_switches,
         &DeviceCounters::monitor_reductions, &DeviceCounters::ledger_excesses,
         &DeviceCounters::too_fast_readings, &DeviceCounters::coarse_readings,
-        &DeviceCounters::dead_man_ticks}) {
+        &DeviceCounters::dead_man_ticks, &DeviceCounters::frozen_ticks,
+        &DeviceCounters::start_up_ticks, &DeviceCounters::repeated_readings}) {
     visit(a.*field, b.*field, c.*field);
   }
 }
@@ -76,6 +77,7 @@ DeviceCounters counts_before(const DeviceBatch& batch) {
   const auto take = [](std::uint64_t& count) { count -= std::min<std::uint64_t>(count, 1); };
   for (const DeviceTick& tick : batch.records) {
     if (tick.is_answered) take(before.answered_ticks);
+    if (before.answered_ticks == 0 && tick.guard == GuardState::kLimp) take(before.start_up_ticks);
     if (tick.guard == GuardState::kLeased) take(before.leased_ticks);
     if (tick.guard == GuardState::kLimp) take(before.limp_ticks);
     if (tick.guard == GuardState::kFault) take(before.fault_ticks);
@@ -127,7 +129,9 @@ void RunFigures::add(const DeviceBatch& batch) {
       std::fmin(minimum_true_energy_joule, newest.minimum_true_energy_joule);
   max_force_newton = std::fmax(max_force_newton, newest.max_force_newton);
   largest_jump_newton = std::fmax(largest_jump_newton, newest.largest_jump_newton);
+  const std::uint64_t longest_skip = device.longest_skip_ticks;
   add_counts(batch, is_part, device, device_session_);
+  device.longest_skip_ticks = std::max(device.longest_skip_ticks, longest_skip);
 }
 
 void RunFigures::add(const MofcBatch& batch) { add_counts(batch, is_part, mofc, mofc_session_); }
@@ -257,6 +261,9 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["last_fault"] = name(device.last_fault);
   json["fault_ticks"] = device.fault_ticks;
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
+  json["start_up_ticks"] = device.start_up_ticks;
+  json["repeated_readings"] = device.repeated_readings;
+  json["longest_skip_ticks"] = device.longest_skip_ticks;
   json["reply_time"] = percentiles_json(figures.reply_time);
   json["lateness"] = percentiles_json(figures.lateness);
   json["received"] = {{"ticks", received.ticks()},
@@ -308,8 +315,13 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
   line("reply time", percentiles_text(figures.reply_time) + " of the ticks received");
   line("tick lateness", percentiles_text(figures.lateness) + " of the ticks received");
   line("without an answer",
-       fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
-                   device.fallback_ticks, device.limp_ticks));
+       fmt::format("{} ticks on the lease, {} in fallback, {} limp ({} before the first answer)",
+                   device.leased_ticks, device.fallback_ticks, device.limp_ticks,
+                   device.start_up_ticks));
+  if (device.repeated_readings > 0) {
+    line("repeated readings",
+         fmt::format("{} of {} ticks", device.repeated_readings, device.loop.ticks));
+  }
   return lines;
 }
 

@@ -42,10 +42,12 @@ LoopCounters loop(const v1::LoopCounters& c) {
 void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   put(c.loop, *to.mutable_loop());
   put(c.force_command, *to.mutable_force_command());
+  to.set_longest_skip_ticks(c.longest_skip_ticks);
   to.set_answered_ticks(c.answered_ticks);
   to.set_leased_ticks(c.leased_ticks);
   to.set_fallback_ticks(c.fallback_ticks);
   to.set_limp_ticks(c.limp_ticks);
+  to.set_start_up_ticks(c.start_up_ticks);
   to.set_peak_limited_ticks(c.peak_limited_ticks);
   to.set_fault_ticks(c.fault_ticks);
   to.set_device_faults(c.device_faults);
@@ -55,6 +57,7 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_monitor_reductions(c.monitor_reductions);
   to.set_too_fast_readings(c.too_fast_readings);
   to.set_coarse_readings(c.coarse_readings);
+  to.set_repeated_readings(c.repeated_readings);
   to.set_checked_friction_ratio(c.checked_friction_ratio);
   to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
   to.set_accepts_no_motor_watchdog(c.accepts_no_motor_watchdog);
@@ -84,11 +87,13 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
 }
 DeviceCounters counters(const v1::DeviceCounters& c) {
   return {.loop = loop(c.loop()),
+          .longest_skip_ticks = c.longest_skip_ticks(),
           .force_command = link(c.force_command()),
           .answered_ticks = c.answered_ticks(),
           .leased_ticks = c.leased_ticks(),
           .fallback_ticks = c.fallback_ticks(),
           .limp_ticks = c.limp_ticks(),
+          .start_up_ticks = c.start_up_ticks(),
           .peak_limited_ticks = c.peak_limited_ticks(),
           .fault_ticks = c.fault_ticks(),
           .device_faults = c.device_faults(),
@@ -101,6 +106,7 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .ledger_excesses = c.ledger_excesses(),
           .too_fast_readings = c.too_fast_readings(),
           .coarse_readings = c.coarse_readings(),
+          .repeated_readings = c.repeated_readings(),
           .checked_friction_ratio = c.checked_friction_ratio(),
           .checked_motor_gain = c.checked_motor_gain(),
           .has_no_motor_watchdog = c.has_no_motor_watchdog(),

@@ -17,6 +17,12 @@ constexpr double kFriction_ratio = 0.95;  // of the profile, as the hands-off ch
 constexpr double kUsualRate_hz = 1000.0;
 /// What disturbs a tick spoils up to so many: a ledger that a burst has emptied fills by and by.
 constexpr double kAftermath = 5.0;
+/// Of the skipped ticks: those of the longest hole.
+constexpr double kMostlyOneHole = 0.5;
+/// A hole that no scheduler makes in a process that may run.
+constexpr double kStopped_s = 1.0;
+/// Of the default: from it on the cap takes force from `default`.
+constexpr double kLowCap_ratio = 0.5;
 /// Of the ticks without an answer: those after lease and fallback have ended.
 constexpr double kMostlyLimp = 0.8;
 
@@ -24,6 +30,10 @@ constexpr double kMostlyLimp = 0.8;
 
 double ratio(std::uint64_t part, std::uint64_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+}
+
+std::uint64_t start_up_ticks(const DeviceCounters& device) {
+  return device.answered_ticks > 0 ? device.start_up_ticks : 0;
 }
 
 std::string percent(double share) {
@@ -58,7 +68,35 @@ Cause Causes::of_late_ticks() const {
   if (const auto cause = found({"device_restarted"})) return *cause;
   if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
   if (!f_.is_in_real_time) return {"unknown", "in lockstep no tick is late by itself: report it"};
+  if (const auto cause = stopped_process()) return *cause;
+  if (const auto cause = few_processors()) return *cause;
   return {"machine_late", "run `palpate doctor`, stop other programs"};
+}
+
+std::optional<Cause> Causes::stopped_process() const {
+  const DeviceCounters& device = f_.device;
+  const double hole_s = static_cast<double>(device.longest_skip_ticks) / f_.device_rate_hz;
+  if (!(hole_s >= kStopped_s) ||
+      ratio(device.longest_skip_ticks, device.loop.skipped_ticks) < kMostlyOneHole) {
+    return std::nullopt;
+  }
+  return Cause{
+      "device_stopped",
+      fmt::format("device_node did not run for {:.2g} s at a stretch, which no busy machine "
+                  "does: its process was stopped (SIGSTOP, a debugger, a paused container) "
+                  "or the machine was suspended; keep both running during a session",
+                  hole_s)};
+}
+
+std::optional<Cause> Causes::few_processors() const {
+  if (f_.processors == 0 || f_.sides <= f_.processors) return std::nullopt;
+  return Cause{
+      "too_few_processors",
+      fmt::format(
+          "{} sides on {} {}{}, too few for their ticks and the physics: use fewer sides, a "
+          "lower device.rate_hz, or a larger machine",
+          f_.sides, f_.processors, f_.processors == 1 ? "processor" : "processors",
+          std::isfinite(f_.load) ? fmt::format(" (load {:.1f})", f_.load) : "")};
 }
 
 Cause Causes::of_no_answer() const {
@@ -77,13 +115,15 @@ Cause Causes::of_no_answer() const {
   if (!f_.is_in_real_time) {
     return {"unknown", "device.reply_us or mofc.wait_for_physics_ms leaves no time for an answer"};
   }
+  if (const auto cause = few_processors()) return *cause;
   const DeviceCounters& device = f_.device;
-  const std::uint64_t unanswered = device.leased_ticks + device.fallback_ticks + device.limp_ticks;
-  if (ratio(device.limp_ticks, unanswered) >= kMostlyLimp) {
+  const std::uint64_t limp =
+      device.limp_ticks - std::min(device.limp_ticks, start_up_ticks(device));
+  if (ratio(limp, device.leased_ticks + device.fallback_ticks + limp) >= kMostlyLimp) {
     return {"mofc_paused",
             fmt::format("mofc_node was silent for {:.2g} s in all, not late: it was starting, "
                         "stopped, or kept from its processor (`palpate doctor`)",
-                        static_cast<double>(device.limp_ticks) / f_.device_rate_hz)};
+                        static_cast<double>(limp) / f_.device_rate_hz)};
   }
   return {"machine_late",
           "run `palpate doctor`, stop other programs, or use --together device,mofc"};
@@ -114,6 +154,11 @@ Cause Causes::of_no_contact() const {
   }
   if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
   if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
+  if (f_.true_contact_ticks > 0) {
+    return {"physics_late",
+            "no contact reached mofc_node in time: a higher physics.rate_hz, or a "
+            "longer run"};
+  }
   if (!f_.is_simulated) return {"no_contact", "move the device to the tissue"};
   return {"path", "check the hand's path and the places of the tissues: `palpate scene check`"};
 }
@@ -122,9 +167,9 @@ Cause Causes::of_no_contact() const {
 std::optional<Cause> Causes::disturbance(double least_share) const {
   return found(
       {"device_fault", "device_restarted", "mofc_restarted", "physics_restarted", "physics_silent",
-       "physics_slow", "elastic_failed", "elastic_late", "encoder_coarse", "path_jumps",
-       "hand_too_fast", "monitor_reduced", "ledger_too_high", "dead_man_button", "position_frozen",
-       "ticks_unanswered", "ticks_skipped"},
+       "physics_slow", "elastic_failed", "elastic_late", "encoder_coarse", "readings_repeated",
+       "path_jumps", "hand_too_fast", "monitor_reduced", "ledger_too_high", "dead_man_button",
+       "position_frozen", "ticks_unanswered", "ticks_skipped"},
       least_share);
 }
 
@@ -159,6 +204,17 @@ std::optional<Cause> Causes::begin_of_run() const {
                  "a press: begin outside"};
   }
   return std::nullopt;
+}
+
+std::optional<Cause> Causes::credit_cap() const {
+  constexpr double kUsual_joule = MofcConfig{}.guard.credit_cap_joule;
+  if (f_.controller != "mofc guard" || !(f_.credit_cap_joule <= kLowCap_ratio * kUsual_joule)) {
+    return std::nullopt;
+  }
+  return Cause{"credit_cap",
+               fmt::format("the cap of the credit is low: raise "
+                           "mofc.guard_settings.credit_cap_joule, {} here, {} by default",
+                           energy_text(f_.credit_cap_joule), energy_text(kUsual_joule))};
 }
 
 std::optional<Cause> Causes::no_friction() const {
@@ -243,6 +299,7 @@ Cause Causes::of_loss(double loss) const {
             "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
   }
   if (const auto cause = begin_of_run()) return *cause;
+  if (const auto cause = credit_cap()) return *cause;
   if (const auto cause = device(least_share)) return *cause;
   if (const auto cause = physics()) return *cause;
   if (!f_.is_session_known) return {"unknown", "the session cannot be read here, only its figures"};

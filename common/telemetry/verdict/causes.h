@@ -20,6 +20,8 @@ struct Cause {
 
 /// 0 of nothing.
 [[nodiscard]] double ratio(std::uint64_t part, std::uint64_t whole);
+/// Ticks before the first answer, which nobody has missed; 0 if there was none.
+[[nodiscard]] std::uint64_t start_up_ticks(const DeviceCounters& device);
 /// "4.2 %", "42 %"
 [[nodiscard]] std::string percent(double share);
 /// "1,000"
@@ -41,15 +43,19 @@ class Causes {
   [[nodiscard]] Cause of_no_answer() const;
   [[nodiscard]] Cause of_extracted_energy() const;
   [[nodiscard]] Cause of_no_contact() const;
+  /// The machine has fewer processors than the session has sides.
+  [[nodiscard]] std::optional<Cause> few_processors() const;
   /// Why a force that physics asks for is not passive, or not true.
   /// @param loss  share of the contact that is lost: what took far less of the run is not its cause
   [[nodiscard]] Cause of_loss(double loss) const;
 
  private:
+  [[nodiscard]] std::optional<Cause> stopped_process() const;
   [[nodiscard]] std::optional<Cause> disturbance(double least_share) const;
   [[nodiscard]] std::optional<Cause> simulated_disturbance() const;
   [[nodiscard]] std::optional<Cause> begin_of_run() const;
   [[nodiscard]] std::optional<Cause> device(double least_share) const;
+  [[nodiscard]] std::optional<Cause> credit_cap() const;
   [[nodiscard]] std::optional<Cause> no_friction() const;
   [[nodiscard]] std::optional<Cause> physics() const;
   [[nodiscard]] std::optional<Cause> controller_settings() const;

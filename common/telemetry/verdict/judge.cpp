@@ -16,6 +16,7 @@ namespace {
 constexpr double kBadSilence_ratio = 0.10;  // of the ticks without physics
 constexpr double kBadTooFast_ratio = 0.01;  // of the ticks with a hand beyond v_max
 constexpr double kLostTelemetry_ratio = 0.01;
+constexpr double kLongStart_s = 1.0;   // until the first answer
 constexpr double kMostlySilent = 0.7;  // of what is missing: it stood still, it was not slow
 
 Grade grade_above(double value, double fair, double bad) {
@@ -44,6 +45,7 @@ class Judge {
     judge_contact();
     judge_force();
     judge_telemetry();
+    raise_causes();
     return std::move(findings_);
   }
 
@@ -84,6 +86,16 @@ class Judge {
 
   [[nodiscard]] bool has_fault() const {
     return f_.device.device_faults > 0 || f_.device.phase == DevicePhase::kFaulted;
+  }
+
+  /// What caused a finding is as grave as it.
+  void raise_causes() {
+    for (auto effect = findings_.rbegin(); effect != findings_.rend(); ++effect) {
+      for (RunFinding& one : findings_) {
+        const bool is_cause = one.grade != Grade::kGood && one.what == effect->cause;
+        if (is_cause) one.grade = std::max(one.grade, effect->grade);
+      }
+    }
   }
 
   void judge_device() {
@@ -133,6 +145,13 @@ class Judge {
            fmt::format("{} readings had steps coarser than the profile says",
                        device.coarse_readings),
            "give the true one in device.profile.position_resolution_m"});
+    }
+    if (const double repeated = ratio(device.repeated_readings, ticks()); repeated >= kFairRatio) {
+      add({Grade::kFair, "readings_repeated",
+           percent(repeated) + " of the readings had the stamp of the one before",
+           "the driver has no newer reading at each tick: let it wait for one, or lower "
+           "device.rate_hz to the rate of the device",
+           repeated});
     }
   }
 
@@ -195,9 +214,12 @@ class Judge {
     const bool has_answered = mofc.interaction.accepted + mofc.standby_interaction.accepted > 0;
     if (mofc.ticks > 0 && !has_answered && !(has_fault() && f_.physics_node.is_heard)) {
       add({Grade::kBad, "physics_silent", "mofc_node never heard the physics: no force of tissue",
-           keys_remedy(f_.physics_node.is_heard
-                           ? "it runs, but its answers do not arrive: check links.interaction"
-                           : "it was not heard: see its messages; a large scene may still load")});
+           !f_.physics_faults.empty()
+               ? Causes::simulated("", f_.physics_faults).remedy
+               : keys_remedy(
+                     f_.physics_node.is_heard
+                         ? "it runs, but its answers do not arrive: check links.interaction"
+                         : "it was not heard: see its messages; a large scene may still load")});
     } else if (const double silent = ratio(mofc.stale_ticks, mofc.ticks); silent > kFewTicks) {
       Event event{
           silent >= kBadSilence_ratio ? Grade::kBad : Grade::kFair, "physics_silent",
@@ -216,6 +238,8 @@ class Judge {
       // while it stood still it made none
       if (auto silence = causes_.found({"physics_silent"}, kMostlySilent * (1.0 - rate))) {
         add(grade, "physics_slow", text, std::move(*silence), 1.0 - rate);
+      } else if (auto machine = causes_.few_processors()) {
+        add(grade, "physics_slow", text, std::move(*machine), 1.0 - rate);
       } else {
         add({grade, "physics_slow", text,
              fmt::format("its steps took up to {:.1f} ms: simplify the scene, lower "
@@ -313,8 +337,19 @@ class Judge {
 
   void judge_ticks() {
     if (ticks() == 0) return;
-    const double skipped = ratio(f_.device.loop.skipped_ticks, ticks());
-    const double unanswered = 1.0 - answered_ratio(f_.device) - skipped;
+    const std::uint64_t start = start_up_ticks(f_.device);
+    const std::uint64_t judged = ticks() - std::min(start, ticks() - 1);
+    const double answered = ratio(f_.device.answered_ticks, judged);
+    const double skipped = ratio(f_.device.loop.skipped_ticks, judged);
+    const double unanswered = 1.0 - answered - skipped;
+    const double start_s = static_cast<double>(start) / f_.device_rate_hz;
+    if (start_s > kLongStart_s) {
+      add({Grade::kGood, "start_up",
+           fmt::format("the first {:.2g} s passed before the first answer, and are not judged",
+                       start_s),
+           f_.is_simulated ? "the log of mofc_node says what it waited for"
+                           : "mofc_node began later, or the device waited for a person"});
+    }
     if (skipped > kFewTicks) {
       add(skipped >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_skipped",
           percent(skipped) + " of the ticks were skipped", causes_.of_late_ticks(), skipped);
@@ -325,8 +360,8 @@ class Judge {
           unanswered);
     }
     if (skipped <= kFewTicks && unanswered <= kFewTicks) {
-      good("ticks_answered", fmt::format("{:.2f} % of the ticks answered in time",
-                                         100.0 * answered_ratio(f_.device)));
+      good("ticks_answered",
+           fmt::format("{:.2f} % of the ticks answered in time", 100.0 * answered));
     }
   }
 
@@ -344,9 +379,16 @@ class Judge {
   void judge_contact() {
     const MofcCounters& mofc = f_.mofc;
     if (ticks() > 0 && mofc.contact_ticks == 0) {
-      add(Grade::kBad, "no_contact", "the tool never touched tissue", causes_.of_no_contact());
+      const std::uint64_t touched = f_.true_contact_ticks;
+      add(Grade::kBad, "no_contact",
+          touched == 0
+              ? "the tool never touched tissue"
+              : fmt::format("the tool was in tissue in {} ticks, of which mofc_node never heard",
+                            touched),
+          causes_.of_no_contact());
       return;
     }
+    judge_whether_felt();
     if (!f_.controller.starts_with("mofc")) return;  // other controllers change every force
     const double clamped = ratio(mofc.clamped_ticks, mofc.contact_ticks);
     const Grade grade = grade_above(clamped, kFairRatio, kBadRatio);
@@ -355,6 +397,17 @@ class Judge {
     } else {
       add(grade, "clamped", percent(clamped) + " of the contact was clamped",
           causes_.of_loss(clamped));
+    }
+  }
+
+  void judge_whether_felt() {
+    if (f_.force_ratio == 0.0) {
+      add({Grade::kBad, "force_ratio", "the hand felt nothing: device.workspace.force_ratio is 0",
+           "give 1, or the share of the force that the hand is to feel"});
+    } else if (f_.maximum_force_newton == 0.0 && !has_fault() &&
+               !causes_.found({"device_not_enabled", "dead_man_button", "mofc_silent"})) {
+      add(Grade::kBad, "no_force", "the tool touched tissue, and no force was rendered",
+          causes_.of_loss(1.0));
     }
   }
 

@@ -33,6 +33,9 @@ RunFacts facts_of(const Session& session, const Side& side) {
   facts.latency_s = to_seconds(side.device.latency);
   facts.start_ramp_s = to_seconds(side.device.start_ramp);
   facts.physics_rate_hz = session.physics.rate_hz;
+  facts.force_ratio = side.device.workspace.force_ratio;
+  facts.credit_cap_joule = side.mofc.guard.credit_cap_joule;
+  facts.sides = session.sides.size();
   facts.v_max_m_per_s = side.device.monitor.v_max_m_per_s;
   for (const TissueConfig& tissue : session.scene.tissues) {
     if (const auto* elastic = std::get_if<ElasticMaterial>(&tissue.material)) {
@@ -83,6 +86,7 @@ RunFacts facts_of(const Session& session, const RunReport& report) {
   if (report.simulated_s > 0.0) {
     facts.physics_hz = static_cast<double>(report.physics.loop.ticks) / report.simulated_s;
   }
+  facts.true_contact_ticks = s.contact_ticks();
   facts.minimum_true_energy_joule = s.minimum_true_energy_joule();
   facts.maximum_force_newton = s.maximum_force_newton();
   facts.force_error_rms_ratio = s.force_error_rms_ratio();

@@ -44,7 +44,9 @@ struct RunFacts {
   double position_resolution_m = kNaN;  ///< q of the profile
   double latency_s = 0.0;               ///< device.latency_us
   double start_ramp_s = 0.0;
-  double solve_rate_hz = kNaN;  ///< lowest of the elastic tissues; NaN: there is none
+  double force_ratio = 1.0;        ///< device.workspace.force_ratio
+  double credit_cap_joule = kNaN;  ///< mofc.guard_settings.credit_cap_joule
+  double solve_rate_hz = kNaN;     ///< lowest of the elastic tissues; NaN: there is none
   double v_max_m_per_s = std::numeric_limits<double>::infinity();
   double path_m_per_s = 0.0;  ///< fastest place of a recorded path; 0: the path is another one
   double path_at_s = 0.0;
@@ -62,14 +64,18 @@ struct RunFacts {
     std::uint64_t peers_refused = 0;
   };
   bool is_in_real_time = true;  ///< false: in lockstep
+  std::size_t sides = 1;        ///< of the session
+  std::size_t processors = 0;   ///< that all nodes of the session share; 0: not known
+  double load = kNaN;           ///< mean load of that machine in the last minute
   Node device_node{};
   Node mofc_node{};
   Node physics_node{};
   DeviceCounters device{};
   MofcCounters mofc{};
   PhysicsCounters physics{};
-  double physics_hz = kNaN;          ///< steps per second, as measured
-  std::uint64_t ticks_received = 0;  ///< telemetry of the device; 0: not known
+  double physics_hz = kNaN;              ///< steps per second, as measured
+  std::uint64_t ticks_received = 0;      ///< telemetry of the device; 0: not known
+  std::uint64_t true_contact_ticks = 0;  ///< by the ideal run; 0: not known
 
   // what the hand received
   double minimum_true_energy_joule = kNaN;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <initializer_list>
 #include <memory>
@@ -320,7 +321,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
     if (has_page) page = announce_page(web);
     return page ? page->descriptor() : -1;
   };
-  const LaunchResult result =
+  LaunchResult result =
       launch({.session_file = session.file,
               .overrides = session.overrides,
               .seconds = seconds,
@@ -337,6 +338,10 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
               .before_restart = [&] { require_same_trust(loaded, code, trusted); },
               .on_poll = [&] { observer.pump(); },
               .on_end = [&] { observer.leave_run_folder(); }});
+  if (here.contains("device") && here.contains("mofc") && here.contains("physics")) {
+    result.processors = usable_processors();
+    if (double load = 0.0; getloadavg(&load, 1) == 1) result.load = load;
+  }
   blocked.reset();
   observer.finish();
   if (result.end == LaunchEnd::kRefused) return result.exit_status();

@@ -42,6 +42,8 @@ RunFacts facts_of(const Session& session, const ObservedDevice& device,
     add(*node, with_side(side, "device_mofc"));
   }
   add(facts.physics_node, "physics");
+  facts.processors = result.processors;
+  facts.load = result.load;
   return facts;
 }
 

@@ -8,12 +8,10 @@
 namespace palpate {
 
 std::string graded_line(Grade grade, const std::string& text) {
-  const std::string word = fmt::format("{:<4}", name(grade));
-  return "  " +
-         (grade == Grade::kGood  ? coloured(word, Colour::kGood)
-          : grade == Grade::kBad ? coloured(word, Colour::kBad)
-                                 : word) +
-         "  " + text + "\n";
+  const Colour colour = grade == Grade::kGood   ? Colour::kGood
+                        : grade == Grade::kFair ? Colour::kFair
+                                                : Colour::kBad;
+  return "  " + coloured(fmt::format("{:<4}", name(grade)), colour) + "  " + text + "\n";
 }
 
 std::string verdict_text(const std::vector<RunFinding>& findings) {

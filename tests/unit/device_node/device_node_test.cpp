@@ -269,6 +269,43 @@ TEST(DeviceNode, AnswersToAnotherTickOrSessionAreDropped) {
   EXPECT_EQ(bench.node.counters().limp_ticks, 2u);
 }
 
+// The loss counts once mofc_node has answered, however it is lost: also while it is restarted.
+TEST(DeviceNode, TicksBeforeTheFirstAnswerAreCountedApart) {
+  Bench bench(device_config());
+  for (int i = 0; i < 3; ++i) bench.tick();
+  EXPECT_EQ(bench.node.counters().start_up_ticks, 3u);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.on_state = nullptr;
+  for (int i = 0; i < 200; ++i) bench.tick();
+
+  EXPECT_EQ(bench.node.counters().start_up_ticks, 3u);
+  EXPECT_GT(bench.node.counters().limp_ticks, 3u + 100u);
+}
+
+TEST(DeviceNode, ReadingsWithTheStampOfTheOneBeforeAreCounted) {
+  Bench bench(device_config());
+  bench.device.position_m = Vector3(0.01, 0, 0);
+  bench.device.stamp = TimePoint(0ms);
+  for (int i = 0; i < 4; ++i) bench.tick();
+  bench.device.stamp.reset();
+  for (int i = 0; i < 4; ++i) bench.tick();
+
+  EXPECT_EQ(bench.node.counters().repeated_readings, 3u);
+  EXPECT_FALSE(bench.node.has_fault());
+}
+
+TEST(DeviceNode, TheLongestRowOfSkippedTicksIsKept) {
+  Bench bench(device_config());
+  for (const std::uint64_t index : {0, 1, 2002, 2003, 2006}) {
+    const TimePoint at = TimePoint(1ms * index);
+    bench.clock.sleep_until(at);
+    bench.step({.index = index, .scheduled_at = at, .now = at});
+  }
+  EXPECT_EQ(bench.node.counters().longest_skip_ticks, 2000u);
+  EXPECT_EQ(bench.node.counters().loop.skipped_ticks, 2002u);
+}
+
 // The lease ends at the third reading: the node lets go there, and renews the fallback each tick.
 TEST(DeviceNode, WithoutAnAnswerTheLeaseRunsOnUntouchedThenFallbackIsRenewed) {
   Bench bench(device_config());

@@ -15,9 +15,11 @@ namespace palpate {
 namespace {
 
 using testing::AllOf;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::StartsWith;
 
 namespace fs = std::filesystem;
 
@@ -82,6 +84,36 @@ TEST(SessionWarnings, OfAnElasticBodyInKilopascal) {
                                        {"scene.tissue[0].elastic.young_pa=15"});
   EXPECT_THAT(session_warnings(session),
               ElementsAre(AllOf(HasSubstr("young_pa = 15 Pa"), HasSubstr("15 kPa is 15000"))));
+}
+
+TEST(SessionWarnings, OfSeveralSidesAreGivenOnce) {
+  const test::TempFolder folder;
+  const auto warnings_of = [&](const std::string& left, const std::string& right) {
+    return session_warnings(load_session(folder.write(
+        "s.txtpb",
+        "name: \"x\" side { name: \"left\" " + left + " } side { name: \"right\" " + right +
+            " } scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }")));
+  };
+  const std::string inside = "hand { hold { position_m { z: -0.002 } } }";
+  EXPECT_THAT(warnings_of(inside, inside), ElementsAre(StartsWith("hand: its path begins inside")));
+  EXPECT_THAT(warnings_of(inside, "hand { hold { position_m { z: 0 } } }"),
+              Contains(StartsWith("left: hand: its path begins inside")));
+}
+
+TEST(SessionWarnings, OfAStiffnessThatNoDeviceRenders) {
+  EXPECT_THAT(warnings_with({"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=1e6"}),
+              ElementsAre(AllOf(HasSubstr("stiffness_newton_per_m = 1e+06 N/m"),
+                                HasSubstr("beyond what any device renders"), HasSubstr("2 b/T"))));
+  const Session elastic = load_session(PALPATE_SOURCE_DIR "/deploy/sessions/liver_elastic.txtpb",
+                                       {"scene.tissue[0].elastic.young_pa=1e8"});
+  EXPECT_THAT(session_warnings(elastic),
+              ElementsAre(AllOf(HasSubstr("elastic.young_pa = 1e+08 Pa"), HasSubstr("2 b/T"))));
+}
+
+TEST(SessionWarnings, OfASceneWithoutTissue) {
+  const test::TempFolder folder;
+  EXPECT_THAT(session_warnings(load_session(folder.write("s.txtpb", "name: \"x\" scene {}"))),
+              ElementsAre(HasSubstr("nothing to touch")));
 }
 
 TEST(SessionWarnings, OfAProgramThatIsNotThere) {

@@ -14,7 +14,6 @@
 namespace palpate {
 namespace {
 
-using testing::HasSubstr;
 
 /// A terminal of so many columns: what is written to `screen` is read back.
 class TestTerminal {
@@ -114,6 +113,7 @@ TEST(Terminal, ColourIsForTerminalsWithoutNoColor) {
   const TestTerminal terminal;
   unsetenv("NO_COLOR");
   EXPECT_EQ(coloured("ok", Colour::kGood, terminal.screen), "\033[32mok\033[0m");
+  EXPECT_EQ(coloured("so", Colour::kFair, terminal.screen), "\033[33mso\033[0m");
   const int file = open("/dev/null", O_WRONLY);
   EXPECT_EQ(coloured("ok", Colour::kGood, file), "ok");
   close(file);

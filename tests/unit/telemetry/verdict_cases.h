@@ -89,10 +89,67 @@ inline void unanswered(TroubledRun& run, std::uint64_t ticks) {
   run.device.fallback_ticks += ticks;
 }
 
+/// mofc_node answers after so many ticks for the first time.
+inline void started_late(TroubledRun& run, std::uint64_t ticks) {
+  run.device.answered_ticks -= ticks;
+  run.device.limp_ticks = run.device.start_up_ticks = ticks;
+}
+
 inline std::vector<VerdictCase> verdict_cases() {
   const std::string jump = "hand.recorded={file: \"path.csv\"}";
   return {
       {"nothing", "", "", "good", [](TroubledRun&) {}},
+      {"a device_node that begins a little before mofc_node", "", "", "good",
+       [](TroubledRun& run) { started_late(run, 17); }},
+      {"a mofc_node that takes seconds to begin", "", "the first 3 s", "good",
+       [](TroubledRun& run) { started_late(run, 3'000); }},
+      {"a mofc_node that begins late and then is stopped",
+       "mofc_paused",
+       "1 s in all",
+       "bad",
+       [](TroubledRun& run) {
+         started_late(run, 17);
+         run.device.answered_ticks -= 1'000;
+         run.device.limp_ticks += 1'000;
+       },
+       {},
+       false},
+      {"a driver that delivers readings twice", "readings_repeated", "newer reading", "fair",
+       [](TroubledRun& run) { run.device.repeated_readings = 4'000; }},
+      {"a driver that stalls now and then", "", "", "good",
+       [](TroubledRun& run) { run.device.repeated_readings = 300; }},
+      {"a device_node that was stopped for a while",
+       "device_stopped",
+       "SIGSTOP",
+       "bad",
+       [](TroubledRun& run) {
+         run.device.loop.ticks -= 3'004;
+         run.device.answered_ticks -= 3'004;
+         run.device.loop.skipped_ticks = 3'004;
+         run.device.longest_skip_ticks = 3'000;
+       },
+       {},
+       false},
+      {"a force that the session scales to nothing",
+       "force_ratio",
+       "give 1",
+       "bad",
+       [](TroubledRun& run) { run.device.max_force_newton = 0.0; },
+       {"device.workspace.force_ratio=0"}},
+      {"a clamp that lets nothing through", "tissue_stiff", "no force was rendered", "bad",
+       [](TroubledRun& run) { run.device.max_force_newton = 0.0; }},
+      {"a cap that is too low",
+       "credit_cap",
+       "100 µJ here",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"mofc.guard_settings.credit_cap_joule=1e-4"}},
+      {"a noisy velocity and a simulated fault",
+       "simulated_exchange",
+       "faults.force_command",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"mofc.velocity_estimator={difference {}}", "faults.force_command.delay_ms=0.2"}},
       {"a latched fault", "device_fault", "reset the fault", "bad",
        [](TroubledRun& run) {
          run.device.device_faults = 1;

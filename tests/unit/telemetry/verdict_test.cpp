@@ -82,6 +82,78 @@ TEST(Verdict, OfAFaultBlamesNoOtherNode) {
   }
 }
 
+// a dead-man button that nobody held is not fair where the missing contact is bad
+TEST(Verdict, GradesNoCauseBetterThanItsConsequence) {
+  for (const VerdictCase& one : verdict_cases()) {
+    const TroubledRun run = run_of(one);
+    const std::vector<RunFinding> findings = judge(lockstep_facts(run));
+    for (const RunFinding& effect : findings) {
+      for (const RunFinding& cause : findings) {
+        if (cause.what != effect.cause || cause.grade == Grade::kGood) continue;
+        EXPECT_GE(cause.grade, effect.grade) << one.name << "\n" << words_of(findings);
+      }
+    }
+  }
+}
+
+TEST(Verdict, OfTooFewProcessorsDoesNotBlameSceneOrOtherPrograms) {
+  const auto with = [](std::size_t processors) {
+    RunFacts facts = lockstep_facts(TroubledRun{});
+    facts.is_in_real_time = true;
+    facts.sides = 8;
+    facts.processors = processors;
+    facts.load = 14.2;
+    facts.physics_hz = 300.0;
+    facts.device.loop.skipped_ticks = 2'000;
+    facts.device.answered_ticks = 8'000;
+    facts.device.fallback_ticks = 2'000;
+    return judge(facts);
+  };
+  const std::vector<RunFinding> few = with(2);
+  EXPECT_EQ(cause_of(few), "too_few_processors") << words_of(few);
+  EXPECT_THAT(words_of(few), HasSubstr("8 sides on 2 processors (load 14.2)"));
+  EXPECT_THAT(words_of(few), Not(HasSubstr("simplify the scene")));
+  EXPECT_THAT(words_of(few), Not(HasSubstr("stop other programs")));
+  const std::vector<RunFinding> many = with(16);
+  EXPECT_THAT(words_of(many), HasSubstr("simplify the scene"));
+  EXPECT_THAT(words_of(many), HasSubstr("stop other programs"));
+}
+
+TEST(Verdict, BlamesASimulatedFaultBeforeWhatTheSessionSets) {
+  std::vector<std::string> settings{"faults.device.skip={from_s: 1 until_s: 1.2}",
+                                    "faults.device.late_ratio=0.1",
+                                    "faults.device={late_switch_ratio: 0.1 late_switch_us: 300}",
+                                    "adversary.physics=push_along",
+                                    "adversary.clamp=drift",
+                                    "adversary.tick_jitter_ratio=0.5",
+                                    "adversary.late_tick_ratio=0.1"};
+  for (const char* link : {"device_state", "force_command", "tool_motion", "interaction"}) {
+    for (const char* fault : {"delay_ms=1", "jitter_ms=1", "loss_ratio=0.1", "burst_ratio=0.1",
+                              "duplicate_ratio=0.1", "outage={from_s: 1 until_s: 2}",
+                              "stall={from_s: 1 until_s: 2}", "freeze={from_s: 1 until_s: 2}"}) {
+      settings.push_back(std::string("faults.") + link + "." + fault);
+    }
+  }
+  for (const std::string& setting : settings) {
+    VerdictCase one;
+    one.trouble = [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; };
+    one.settings = {"mofc.velocity_estimator={difference {}}", setting};
+    const std::vector<RunFinding> findings = judge(lockstep_facts(run_of(one)));
+    EXPECT_THAT(cause_of(findings), HasSubstr("simulated_")) << setting << words_of(findings);
+  }
+}
+
+// the ideal run knows of a contact of which mofc_node does not
+TEST(Verdict, DoesNotSayThatTheToolNeverTouchedWhereItDid) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  facts.mofc.contact_ticks = 0;
+  facts.true_contact_ticks = 2'499;
+  const std::string words = words_of(judge(facts));
+  EXPECT_THAT(words, HasSubstr("2499 ticks"));
+  EXPECT_THAT(words, Not(HasSubstr("never touched")));
+  EXPECT_THAT(words, Not(HasSubstr("check the hand's path")));
+}
+
 TEST(Verdict, SaysLocalOnlyWhereItIsNotSet) {
   for (const VerdictCase& one : verdict_cases()) {
     const TroubledRun run = run_of(one);
