@@ -311,12 +311,12 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
 }
 
 /// At most `left` steps, less those made. On its first way to the tip the body comes to rest in
-/// every step: how long the way took is not known.
+/// every step but the last one.
 void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left,
                                     Model& model) noexcept {
   const double longest_m = kStepShare * model.state.tip_radius_m;
   const double steps = std::max(1.0, std::ceil((tip_m - model.at_m).norm() / longest_m));
-  const double step_s = model.is_walking ? 0.0 : dt_s / steps;
+  const double step_s = dt_s / steps;
   while (left-- > 0) {
     const Vector3 way_m = tip_m - model.at_m;
     const double length_m = way_m.norm();
@@ -325,7 +325,7 @@ void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left
       model.is_walking = false;
       return;
     }
-    sweep_to(model.at_m + longest_m / length_m * way_m, step_s, model);
+    sweep_to(model.at_m + longest_m / length_m * way_m, model.is_walking ? 0.0 : step_s, model);
   }
   model.is_walking = true;
 }

@@ -424,8 +424,8 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
       return walked + ": give the whole list, " + child_path(parent, field->name(), -1) + "=[…]";
     const std::string complaint = read_list(*field, value, *scratch);
     if (!complaint.empty()) return walked + ": " + complaint;
-  } else if (const std::string complaint = curly_quote_complaint(value); !complaint.empty()) {
-    return walked + ": " + complaint;
+  } else if (const std::string curly = curly_quote_complaint(value); !curly.empty()) {
+    return walked + ": " + curly;
   } else if (field->cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING && !value.starts_with('"') &&
              !value.starts_with('\'')) {
     scratch->GetReflection()->SetString(scratch.get(), field, value);

@@ -297,7 +297,7 @@ TEST(DeviceNode, ReadingsWithTheStampOfTheOneBeforeAreCounted) {
 
 TEST(DeviceNode, TheLongestRowOfSkippedTicksIsKept) {
   Bench bench(device_config());
-  for (const std::uint64_t index : {0, 1, 2002, 2003, 2006}) {
+  for (const std::uint64_t index : {0U, 1U, 2002U, 2003U, 2006U}) {
     const TimePoint at = TimePoint(1ms * index);
     bench.clock.sleep_until(at);
     bench.step({.index = index, .scheduled_at = at, .now = at});
