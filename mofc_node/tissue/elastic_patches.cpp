@@ -14,7 +14,8 @@ namespace {
 constexpr std::size_t kStride = 3 * kElasticSlots;
 static_assert(kStride % kCompliancePadding == 0);
 constexpr double kSweepTolerance_m = 1e-7;
-constexpr double kStepShare = 0.25;  // of the tip's radius
+constexpr double kStepShare = 0.25;       // of the tip's radius
+constexpr double kLongestPeriod_s = 0.1;  // of full solutions, if one is late
 // Where a point is that is not there.
 constexpr double kNowhere_m = 1e9;
 
@@ -32,6 +33,7 @@ Vector3 away_of(const ElasticState& state, const std::array<std::int16_t, 3>& aw
 struct ElasticPatches::Model {
   bool is_there = false;
   bool is_walking = false;   // from where the tip was in the state to where it is
+  double left_s = 0.0;       // of the time that the tip took for that
   bool is_complete = false;  // every point that carries a force in the state has arrived
   ElasticState state;        // its places only for versions
   std::array<Vector3, kElasticSlots> missing_m;  // listed points that have not arrived
@@ -101,8 +103,11 @@ class ElasticPatches::Patch {
     has_state_ = newest_number_ > 0;
   }
   void take(const ElasticPoint& point) noexcept;
-  void take(const ElasticState& state) noexcept {
+  void take(const ElasticState& state, double age_s) noexcept {
     if (state.number <= newest_number_) return;
+    // physics_node sends it when the body is solved, by then the next solution is due
+    state_age_s_ = age_s + (newest_number_ > 0 ? std::min(since_state_s_, kLongestPeriod_s) : 0.0);
+    since_state_s_ = 0.0;
     newest_number_ = state.number;
     state_ = state;
     has_state_ = true;
@@ -141,6 +146,8 @@ class ElasticPatches::Patch {
   bool has_state_ = false;  // that no model has yet
   std::uint32_t newest_number_ = 0;
   ElasticState state_;
+  double state_age_s_ = 0.0;
+  double since_state_s_ = 0.0;  // the newest one has arrived
   std::vector<Model> models_;
   std::size_t current_ = 0;
   bool is_crossing_ = false;  // to the next one,
@@ -201,6 +208,7 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
   }
   arrive(model);
   model.is_walking = true;
+  model.left_s = state_age_s_;
   model.at_m = state_.center_m;
   for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
     if (!model.is_present[slot]) continue;
@@ -310,28 +318,32 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
   }
 }
 
-/// At most `left` steps, less those made. On its first way to the tip the body comes to rest in
-/// every step but the last one.
+/// At most `left` steps, less those made, in the time that the tip took for its way.
 void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left,
                                     Model& model) noexcept {
   const double longest_m = kStepShare * model.state.tip_radius_m;
   const double steps = std::max(1.0, std::ceil((tip_m - model.at_m).norm() / longest_m));
-  const double step_s = dt_s / steps;
+  model.left_s += dt_s;
+  const double step_s = model.left_s / steps;
   while (left-- > 0) {
     const Vector3 way_m = tip_m - model.at_m;
     const double length_m = way_m.norm();
     if (length_m <= longest_m) {
       sweep_to(tip_m, step_s, model);
       model.is_walking = false;
+      model.left_s = 0.0;
       return;
     }
-    sweep_to(model.at_m + longest_m / length_m * way_m, model.is_walking ? 0.0 : step_s, model);
+    sweep_to(model.at_m + longest_m / length_m * way_m, step_s, model);
+    model.left_s = std::max(0.0, model.left_s - step_s);
   }
   model.is_walking = true;
 }
 
 ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, const Vector3& tip_m,
                                                    double dt_s, double most_newton) noexcept {
+  since_state_s_ += dt_s;
+  if (has_state_) state_age_s_ += dt_s;
   // a new state waits for the end of a crossing, and of the way of a model to the tip
   const auto is_usable = [](const Model& model) { return model.is_there && model.is_complete; };
   const bool is_used = is_usable(current());
@@ -417,7 +429,8 @@ ElasticPatches::ElasticPatches(double newton_per_s)
     : newton_per_s_(newton_per_s), patches_(kMaxElasticPatches) {}
 ElasticPatches::~ElasticPatches() = default;
 
-void ElasticPatches::take(const Interaction& interaction, std::uint64_t store_id) noexcept {
+void ElasticPatches::take(const Interaction& interaction, std::uint64_t store_id,
+                          double age_s) noexcept {
   if (store_id != store_id_) {
     store_id_ = store_id;
     receipts_ = {};
@@ -429,7 +442,7 @@ void ElasticPatches::take(const Interaction& interaction, std::uint64_t store_id
   if (news.has_point) {
     patches_[news.point.patch].take(news.point);
   } else {
-    patches_[news.state.patch].take(news.state);
+    patches_[news.state.patch].take(news.state, age_s);
   }
 }
 

@@ -40,7 +40,8 @@ class ElasticPatches {
 
   /// Takes what one Interaction carries.
   /// @param store_id  of the store now; a new one empties it
-  void take(const Interaction& interaction, std::uint64_t store_id) noexcept;
+  /// @param age_s  ≥ 0, since the DeviceState that it answers to
+  void take(const Interaction& interaction, std::uint64_t store_id, double age_s) noexcept;
   [[nodiscard]] const ElasticReceipts& receipts() const noexcept { return receipts_; }
 
   /// The tool is elsewhere: what follows does not continue what was.

@@ -38,7 +38,8 @@ void TissueModel::receive(const Interaction& interaction, const DeviceState& sta
   if (store_ && !costs_too_much()) {
     store_->take(interaction,
                  is_of_this_session ? now - interaction.device_sampled_at : Duration::zero());
-    elastic_->take(interaction, store_->receipts().store_id);
+    elastic_->take(interaction, store_->receipts().store_id,
+                   to_seconds(store_->receipts().loop_age));
   }
   if (is_of_this_session) clock_.note(interaction, now);
 }

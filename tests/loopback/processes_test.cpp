@@ -674,7 +674,7 @@ TEST_F(Processes, LoopbackWritesTheDocumentedTable) {
       run_program("palpate", {"loopback", kDefault, "--seconds", "0.5", "--csv", file("run.csv")});
 
   ASSERT_EQ(loopback.status, 0) << loopback.err;
-  EXPECT_EQ(loopback.err, "");
+  EXPECT_EQ(loopback.err, "palpate: " + file("run.csv") + ": written\n");
   const std::vector<std::string> lines = lines_of(text_of(file("run.csv")));
   ASSERT_EQ(lines.size(), 501u);
   EXPECT_EQ(lines.front(),

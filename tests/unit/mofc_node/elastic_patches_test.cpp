@@ -97,13 +97,13 @@ class HalfSpacePatch : public testing::Test {
     interaction_.elastic.number = ++number_;
     interaction_.elastic.has_point = true;
     interaction_.elastic.point = point;
-    patches_.take(interaction_, kStore);
+    patches_.take(interaction_, kStore, 0.0);
   }
   void send(const ElasticState& state) {
     interaction_.elastic.number = ++number_;
     interaction_.elastic.has_point = false;
     interaction_.elastic.state = state;
-    patches_.take(interaction_, kStore);
+    patches_.take(interaction_, kStore, 0.0);
   }
   void send_all() {
     send(state_);
@@ -153,7 +153,7 @@ TEST_F(HalfSpacePatch, AViscousBodyAlsoPressesBackByItsRate) {
     ++state_.number;
     state_.relaxation_s = relaxation_s;
     for (ElasticPlace& place : state_.places) place.rest = place.away;
-    patches_.take(interaction_, kStore + 1);  // empties it
+    patches_.take(interaction_, kStore + 1, 0.0);  // empties it
     interaction_.elastic.store_id = kStore;
     for (ElasticPoint& point : points_) point.rigid_give_m_per_newton = 1e-2F;
     send_all();
@@ -211,7 +211,7 @@ TEST_F(HalfSpacePatch, IsTheSameInAnyOrderOfArrival) {
       std::swap(points_[k], points_[random.below(k + 1)]);
     }
     interaction_.elastic.store_id = kStore;
-    patches_.take(interaction_, kStore + 1);  // empties it
+    patches_.take(interaction_, kStore + 1, 0.0);  // empties it
     send_all();
     EXPECT_EQ(press(1e-3).force.force_on_tool_newton.z(), newton);
   }
@@ -322,7 +322,7 @@ TEST_F(HalfSpacePatch, AcknowledgesWhatArrived) {
   send(points_[1]);
   EXPECT_EQ(patches_.receipts().newest, 4u);
   EXPECT_EQ(patches_.receipts().received, 0b1101u);
-  patches_.take(interaction_, kStore + 1);
+  patches_.take(interaction_, kStore + 1, 0.0);
   EXPECT_EQ(patches_.receipts().newest, 0u);
 }
 
@@ -355,7 +355,7 @@ TEST(ElasticPatches, AreFiniteAndBoundedWhateverArrives) {
         }
       }
       const test::AllocGuard guard;
-      patches.take(interaction, 1);
+      patches.take(interaction, 1, 0.0);
       tip_m += random_vector(random, 1e-3);
       patches.step(interaction, tip_m, kTick_s);
       for (const ElasticPatches::Result& result : patches.results()) {
