@@ -56,7 +56,8 @@ inline void randomise(ElasticState& state, Random& random) {
            .radius_m = random.uniform(0.0, 100.0),
            .away_step_m = static_cast<float>(random_magnitude(random, -6.0, 0.0)),
            .force_step_newton = static_cast<float>(random_magnitude(random, -3.0, 4.0))};
-  if (state.has_rest) state.compliance_ratio = random.uniform(kMinComplianceRatio, kMaxComplianceRatio);
+  if (state.has_rest)
+    state.compliance_ratio = random.uniform(kMinComplianceRatio, kMaxComplianceRatio);
   for (ElasticPlace& place : state.places) {
     if (random.chance(0.3)) continue;
     place.version = 1 + static_cast<std::uint32_t>(random.below(1U << 20U));

@@ -50,9 +50,10 @@ class HalfSpacePatch : public testing::Test {
  protected:
   HalfSpacePatch() {
     interaction_.elastic.store_id = kStore;
+    constexpr int kMiddle = kSide / 2;
     for (int i = 0; i < kSide; ++i) {
       for (int k = 0; k < kSide; ++k) {
-        places_m_.emplace_back(kSpacing_m * (i - kSide / 2), kSpacing_m * (k - kSide / 2), 0.0);
+        places_m_.emplace_back(kSpacing_m * (i - kMiddle), kSpacing_m * (k - kMiddle), 0.0);
       }
     }
     for (std::size_t slot = 0; slot < places_m_.size(); ++slot) points_.push_back(point(slot));
@@ -158,7 +159,7 @@ TEST_F(HalfSpacePatch, AViscousBodyAlsoPressesBackByItsRate) {
     for (ElasticPoint& point : points_) point.rigid_give_m_per_newton = 1e-2F;
     send_all();
     double newton = 0.0;
-    const int ticks = 10 + static_cast<int>(kDepth_m / (kSpeed_m_per_s * kTick_s) + 0.5);
+    const int ticks = 10 + static_cast<int>(std::lround(kDepth_m / (kSpeed_m_per_s * kTick_s)));
     for (int i = 0; i <= ticks + held_ticks; ++i) {
       const double depth_m = kSpeed_m_per_s * kTick_s * (std::min(i, ticks) - ticks) + kDepth_m;
       const auto& result = step_to({0.0, 0.0, kRadius_m - depth_m});

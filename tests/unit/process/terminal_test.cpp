@@ -14,7 +14,6 @@
 namespace palpate {
 namespace {
 
-
 /// A terminal of so many columns: what is written to `screen` is read back.
 class TestTerminal {
  public:
