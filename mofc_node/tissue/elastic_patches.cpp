@@ -272,8 +272,8 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
       .moved_m = model.moved_m.data(),
       .center_m = tip_m,
       .radius_m = model.state.tip_radius_m,
-      .along = model.state.normal,
       .still_m = model.still_m.data(),
+      .along = model.state.normal,
       .reached_m = model.reached_m.data(),
       .pace = pace_of(model.state.compliance_ratio * model.state.relaxation_s, step_s)};
   // from between the untouched body and the state, where the forces are nearest
@@ -325,7 +325,8 @@ void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left
   const double steps = std::max(1.0, std::ceil((tip_m - model.at_m).norm() / longest_m));
   model.left_s += dt_s;
   const double step_s = model.left_s / steps;
-  while (left-- > 0) {
+  while (left > 0) {
+    --left;
     const Vector3 way_m = tip_m - model.at_m;
     const double length_m = way_m.norm();
     if (length_m <= longest_m) {
@@ -366,7 +367,7 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
   const Model* model = &current();
   result.force = {model->force_on_tool_newton, model->stored_energy_joule, model->is_touching};
   if (has_next) {
-    left = std::max(left, 0) + 1;
+    ++left;
     walk_to(tip_m, dt_s, left, next());
   }
   if (has_next && is_there && !is_crossing_ && !next().is_walking && next().covers(tip_m)) {

@@ -40,7 +40,7 @@ class ElasticPatches {
 
   /// Takes what one Interaction carries.
   /// @param store_id  of the store now; a new one empties it
-  /// @param age_s  ≥ 0, since the DeviceState that it answers to
+  /// @param age_s  ≥ 0, of the loop: since the DeviceState that it answers to
   void take(const Interaction& interaction, std::uint64_t store_id, double age_s) noexcept;
   [[nodiscard]] const ElasticReceipts& receipts() const noexcept { return receipts_; }
 

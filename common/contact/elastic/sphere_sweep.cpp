@@ -37,10 +37,9 @@ void add_columns(const SphereSweep& sphere, std::size_t point, const Vector3& x,
 int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
           double tolerance_m) noexcept {
   const bool has_friction = sphere.friction_coefficient > 0.0;
-  const bool is_stiff = sphere.still_m != nullptr && !sphere.along.isZero(0.0);
   for (std::size_t i = 0; i < sphere.count; ++i) {
     Vector3 at_m = place_of(sphere, i);
-    if (is_stiff) {
+    if (sphere.still_m != nullptr) {
       const Vector3& still_m = sphere.still_m[i];
       at_m = still_m + sphere.along * sphere.along.dot(at_m - still_m);
     }

@@ -30,12 +30,11 @@ struct SphereSweep {
   Vector3 center_m = Vector3::Zero();
   double radius_m = 0.0;
 
-  /// With this direction of the surface's normal, normals follow the points along it alone: aside
-  /// of it they see them at still_m. Rest compliance lets points that are pressed hard slide round
-  /// the sphere; normals that turned with them would drive them on. Zero: normals follow the
-  /// points.
-  Vector3 along = Vector3::Zero();
+  /// Normals see the points here, but for what they have moved along `along`, the unit normal of
+  /// the surface. Rest compliance lets points that are pressed hard slide round the sphere; normals
+  /// that turned with them would drive them on. Null: normals follow the points.
   const Vector3* still_m = nullptr;
+  Vector3 along = Vector3::UnitZ();
 
   double friction_coefficient = 0.0;   ///< 0: way_m is unused
   Vector3 way_m = Vector3::Zero();     ///< of the sphere since the last sweep
