@@ -60,9 +60,7 @@ struct Finding {
   std::string remedy{};  ///< what to do; empty: nothing
   bool is_note = false;  ///< to be known, and nothing can be done about it
 
-  friend bool operator==(const Finding& a, const Finding& b) {
-    return a.what == b.what && a.text == b.text && a.remedy == b.remedy && a.is_note == b.is_note;
-  }
+  friend bool operator==(const Finding&, const Finding&) = default;
 };
 
 /// Appends what `examine` finds of each side, by with_only_side(): what is the same of all once,

@@ -70,10 +70,9 @@ double friction_newton(double viscous, double coulomb) {
 
 void examine_side(const Session& session, const Side& side, const physics::Scene& scene,
                   std::vector<std::string>& warnings) {
-  const auto warn = [&](const std::string& text) { warnings.push_back(text); };
   const RealtimeConfig& realtime = side.realtime;
   if (realtime.wait == WaitStrategy::kSpin && realtime.priority > 0 && realtime.cpu >= 0) {
-    warn(
+    warnings.push_back(
         fmt::format("realtime.wait = spin: device_node and mofc_node share processor {} at "
                     "priority {} and keep it from each other; use hybrid, or --together "
                     "device,mofc",
@@ -86,7 +85,7 @@ void examine_side(const Session& session, const Side& side, const physics::Scene
   const double has =
       friction_newton(side.simulated.viscous_newton_s_per_m, side.simulated.coulomb_newton);
   if (!side.simulated.per_axis && claimed > kLikeliestFriction_ratio * has) {
-    warn(
+    warnings.push_back(
         fmt::format("device.profile: claims {:.3g} N of friction at {:g} m/s, the simulated "
                     "device has {:.3g} N: there is no guarantee; lower the profile, or let "
                     "`palpate identify` measure it",
@@ -99,7 +98,7 @@ void examine_side(const Session& session, const Side& side, const physics::Scene
         std::isfinite(fastest.m_per_s)
             ? fmt::format("moves at up to {:.3g} m/s, at {:.3g} s", fastest.m_per_s, fastest.at_s)
             : fmt::format("jumps from its end, at {:.3g} s, to its beginning", fastest.at_s);
-    warn(
+    warnings.push_back(
         fmt::format("hand: its path {}; v_max is {:g} m/s: slow it down, or raise "
                     "mofc.guard_settings.v_max_m_per_s",
                     how, v_max));
@@ -107,12 +106,12 @@ void examine_side(const Session& session, const Side& side, const physics::Scene
   if (session.scene.tissues.empty() || !session.physics_command.empty()) return;
   const double touch_s = first_touch_s(scene, side, session.duration_s);
   if (touch_s == kNever_s) {
-    warn(
+    warnings.push_back(
         fmt::format("hand: its path touches no tissue within {:g} s; check the path, the places "
                     "of the tissues, and device.workspace",
                     session.duration_s));
   } else if (touch_s == 0.0) {
-    warn(
+    warnings.push_back(
         "hand: its path begins inside tissue: which side it came from is not known, and the whole "
         "force begins at once; begin outside");
   }
