@@ -14,6 +14,7 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "common/link/telemetry_subscriber.h"
 #include "common/link/zmq_sender.h"
@@ -50,6 +51,14 @@ class RecordProcesses : public testing::Test {
   RecordProcesses() { session_ = files_.write("recorded.txtpb", kSession); }
   [[nodiscard]] std::string path(const std::string& name) const {
     return (files_.path() / name).string();
+  }
+  /// @return the exit status
+  [[nodiscard]] int record(const std::string& file, const std::string& seconds,
+                           const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments = {"loopback",   session_,   "--seconds", seconds,
+                                          "--no-ideal", "--record", file};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_program("palpate", arguments).status;
   }
   [[nodiscard]] static nlohmann::json info(const std::string& file) {
     return nlohmann::json::parse(run_program("palpate", {"info", file, "--json"}).out);
@@ -216,10 +225,7 @@ TEST_F(RecordProcesses, OfWhichNothingCanBeReadAreRefusedByReplay) {
 
 TEST_F(RecordProcesses, ThatAreDamagedAreSaidToBeByReplay) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate",
-                        {"loopback", session_, "--seconds", "3", "--no-ideal", "--record", file})
-                .status,
-            0);
+  ASSERT_EQ(record(file, "3"), 0);
   const auto replayed = [&] {
     return run_program("palpate", {"replay", file, "--no-viewer", "--speed", "100", "--wait", "0"});
   };
@@ -239,10 +245,7 @@ TEST_F(RecordProcesses, ThatAreDamagedAreSaidToBeByReplay) {
 
 TEST_F(RecordProcesses, AReplayHasAPageOfItsOwn) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "1", "--no-ideal",
-                                    "--record", file, "--set", "viewer.web={port: 0}"})
-                .status,
-            0);
+  ASSERT_EQ(record(file, "1", {"--set", "viewer.web={port: 0}"}), 0);
   const Session session = load_session(session_);
   std::filesystem::rename(session_, path("elsewhere.txtpb"));  // the recording is enough
   Program replay("palpate", {"replay", file});
@@ -283,10 +286,7 @@ TEST_F(RecordProcesses, AReplayHasAPageOfItsOwn) {
 
 TEST_F(RecordProcesses, AReplayWhosePageNobodyOpensEndsIfItDoesNotWait) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "1", "--no-ideal",
-                                    "--record", file, "--set", "viewer.web={port: 0}"})
-                .status,
-            0);
+  ASSERT_EQ(record(file, "1", {"--set", "viewer.web={port: 0}"}), 0);
   const auto alone = run_program("palpate", {"replay", file, "--speed", "20", "--wait", "0"});
   EXPECT_EQ(alone.status, 0) << alone.err;
   EXPECT_THAT(alone.out, HasSubstr("http://127.0.0.1:"));
@@ -297,10 +297,7 @@ TEST_F(RecordProcesses, AReplayWhosePageNobodyOpensEndsIfItDoesNotWait) {
 
 TEST_F(RecordProcesses, ALoopBeginsAnewWithNewNodes) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate",
-                        {"loopback", session_, "--seconds", "1", "--no-ideal", "--record", file})
-                .status,
-            0);
+  ASSERT_EQ(record(file, "1"), 0);
   ProcessLinks links({.priority = 0, .cpu = -1});
   test::Watcher watcher(load_session(session_), links);
   Program replay("palpate", {"replay", file, "--speed", "5", "--loop"});
@@ -311,10 +308,7 @@ TEST_F(RecordProcesses, ALoopBeginsAnewWithNewNodes) {
 
 TEST_F(RecordProcesses, AReplayNeedsNoViewerIfItDoesNotWait) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate",
-                        {"loopback", session_, "--seconds", "1", "--no-ideal", "--record", file})
-                .status,
-            0);
+  ASSERT_EQ(record(file, "1"), 0);
   const auto alone = run_program("palpate", {"replay", file, "--speed", "20", "--wait", "0"});
   EXPECT_EQ(alone.status, 0) << alone.err;
   EXPECT_THAT(alone.out, testing::Not(HasSubstr("waiting")));
@@ -325,10 +319,7 @@ TEST_F(RecordProcesses, AReplayNeedsNoViewerIfItDoesNotWait) {
 
 TEST_F(RecordProcesses, AReplayObeysItsViewers) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate",
-                        {"loopback", session_, "--seconds", "20", "--no-ideal", "--record", file})
-                .status,
-            0);
+  ASSERT_EQ(record(file, "20"), 0);
   const Session session = load_session(session_);
   ProcessLinks links({.priority = 0, .cpu = -1});
   const SteadyClock clock;
