@@ -114,6 +114,19 @@ std::string too_many_ticks(std::size_t ticks) {
          "device.rate_hz, or a larger machine";
 }
 
+std::string spin_warning(const std::vector<Side>& sides) {
+  const std::size_t threads = 2 * sides.size();  // of device_node and mofc_node
+  for (const Side& side : sides) {
+    const RealtimeConfig& realtime = side.realtime;
+    if (realtime.wait != WaitStrategy::kSpin || realtime.priority <= 0) continue;
+    if (realtime.cpu < 0 && threads < usable_processors()) continue;
+    return "realtime.wait = spin at priority " + std::to_string(realtime.priority) +
+           ": device_node and mofc_node leave no processor to each other or to other programs; "
+           "give priority: 0 and cpu: -1, or use hybrid, or --together device,mofc";
+  }
+  return "";
+}
+
 void request_short_slices() {
   if (sched_getscheduler(0) != SCHED_OTHER) return;  // chosen by who started the program
   // sched_setattr(2); the C library of Debian 12 has neither the function nor the struct

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "common/session/session.h"
 
@@ -33,6 +34,10 @@ void run_ahead_of(int priority);
 
 /// A warning if so many ticks are more than this process may use processors; "" otherwise.
 [[nodiscard]] std::string too_many_ticks(std::size_t ticks);
+
+/// A warning if threads of these sides never sleep, at a priority that leaves no processor to other
+/// programs, or to each other; "" otherwise.
+[[nodiscard]] std::string spin_warning(const std::vector<Side>& sides);
 
 /// Asks for short time slices for the calling thread and those that it starts from now on: under
 /// ordinary scheduling a thread that wakes then runs ahead of threads with longer slices. Needs no

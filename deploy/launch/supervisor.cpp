@@ -174,12 +174,16 @@ void Supervisor::stop() {
 }
 
 void Supervisor::stop_next() {
-  const auto runs = [](const Child* child) { return child->pid != 0; };
+  // One that was killed, and is not dead yet, holds up no other: it may have no processor to die on
+  // before those of the next stages have ended.
+  const auto runs = [](const Child* child) { return child->pid != 0 && !child->was_killed; };
   const auto running = std::find_if(stages_.begin(), stages_.end(), [&](const auto& stage) {
     return std::any_of(stage.begin(), stage.end(), runs);
   });
   if (running == stages_.end()) {
-    if (has_ended_) return;
+    const bool are_dead = std::all_of(children_.begin(), children_.end(),
+                                      [](const Child& child) { return child.pid == 0; });
+    if (has_ended_ || !are_dead) return;
     has_ended_ = true;
     deaths_.cancel();
     on_end_();
@@ -191,8 +195,10 @@ void Supervisor::stop_next() {
     child->was_terminated = true;
     ::kill(child->pid, SIGTERM);
     child->timer.expires_after(timing_.stop_grace);
-    child->timer.async_wait([child](const boost::system::error_code& error) {
-      if (!error) kill(*child);
+    child->timer.async_wait([this, child](const boost::system::error_code& error) {
+      if (error) return;
+      kill(*child);
+      stop_next();
     });
   }
 }

@@ -56,7 +56,8 @@ struct ChildEvent {
 };
 
 /// Starts the children in the given order and restarts those that die. stop() ends them in the
-/// stages of `stop_order`, the children of one stage together: SIGTERM, the grace, SIGKILL.
+/// stages of `stop_order`, the children of one stage together: SIGTERM, the grace, SIGKILL. The
+/// next stage begins when all of the one before have ended or were killed.
 ///
 /// Every child has a process group of its own, so Ctrl-C in a terminal reaches the supervisor only.
 /// What a dead child has left in its group is killed before it is started again.

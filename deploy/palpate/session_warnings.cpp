@@ -13,6 +13,7 @@
 
 #include "common/core/check.h"
 #include "common/core/workspace_map.h"
+#include "common/process/realtime.h"
 #include "common/session/path_speed.h"
 #include "deploy/launch/physics_command.h"
 #include "device_node/simulation/hand.h"
@@ -70,14 +71,6 @@ double friction_newton(double viscous, double coulomb) {
 
 void examine_side(const Session& session, const Side& side, const physics::Scene& scene,
                   std::vector<std::string>& warnings) {
-  const RealtimeConfig& realtime = side.realtime;
-  if (realtime.wait == WaitStrategy::kSpin && realtime.priority > 0 && realtime.cpu >= 0) {
-    warnings.push_back(
-        fmt::format("realtime.wait = spin: device_node and mofc_node share processor {} at "
-                    "priority {} and keep it from each other; use hybrid, or --together "
-                    "device,mofc",
-                    realtime.cpu, realtime.priority));
-  }
   if (is_real(side.driver)) return;
 
   const double claimed = friction_newton(side.device.profile.viscous_newton_s_per_m,
@@ -175,6 +168,9 @@ void examine_tissue(const Session& session, const TissueConfig& tissue,
 
 std::vector<std::string> session_warnings(const Session& session) {
   std::vector<std::string> warnings;
+  if (const std::string spins = spin_warning(session.sides); !spins.empty()) {
+    warnings.push_back(spins);
+  }
   const auto too_large = [&](const char* field, double value) {
     if (value <= kLargestTip_m) return;
     warnings.push_back(fmt::format("{} = {:g}: is {:g} m; give it in metres: 3 mm are 0.003", field,

@@ -2,7 +2,8 @@
 // fake_node: replaces a node in the tests of the supervisor. It writes one line when it has started
 // and one for each SIGTERM or SIGINT into the named pipe `events` of its folder. A file NAME.does
 // in that folder with one of the words below makes it misbehave: "saturates" from SIGUSR1 on, with
-// SCHED_FIFO. What it leaves behind holds the pipe open.
+// SCHED_FIFO; "lingers": never ends by itself, and has a thread that needs a processor to die. What
+// it leaves behind holds the pipe open.
 #include <fcntl.h>
 #include <sched.h>
 #include <unistd.h>
@@ -11,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <thread>
 
 int main(int argc, char** argv) {
   const std::filesystem::path self = argv[0];
@@ -54,6 +56,19 @@ int main(int argc, char** argv) {
       sched_yield();
     }
     return report("signal " + std::to_string(signal)) ? 0 : 1;
+  }
+  if (does == "lingers") {
+    std::thread([] {
+      const sched_param least{.sched_priority = 1};
+      sched_setscheduler(0, SCHED_FIFO, &least);
+      while (true) pause();
+    }).detach();
+    if (!report("ready")) return 1;
+    do {
+      sigwait(&stop, &signal);
+    } while (signal != SIGTERM);
+    report("signal " + std::to_string(signal));
+    while (true) pause();
   }
   do {
     sigwait(&stop, &signal);

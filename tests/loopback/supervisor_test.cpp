@@ -376,6 +376,22 @@ TEST_F(Launch, ThatSaturatesItsProcessorEndsWhenItsTimeIsUp) {
   EXPECT_TRUE(all_nodes_end());
 }
 
+// A thread at the least real-time priority has no processor to die on while others saturate it.
+TEST_F(Launch, ThatSaturatesItsProcessorStopsAlsoIfANodeCannotDie) {
+  if (!may_use_fifo(6)) GTEST_SKIP() << "SCHED_FIFO is not permitted";
+  LaunchOptions options = saturating_sides(2);
+  options.timing.stop_grace = test::patience(milliseconds(500));
+  let("device_node", "lingers");
+  start_launcher(options);
+  saturate(5);
+
+  kill(launcher_, SIGTERM);
+
+  EXPECT_THAT(stopped(5), testing::ElementsAre("device_node signal 15", "mofc_node signal 15",
+                                               "physics_node signal 15", "launcher end=1"));
+  EXPECT_TRUE(all_nodes_end());
+}
+
 TEST_F(Launch, ADeviceStartedAgainRampsItsForceUpAlsoIfItsSessionHasNoRamp) {
   LaunchOptions options = this->options();
   options.overrides = {"device.start_ramp_ms=0"};

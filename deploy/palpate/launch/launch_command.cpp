@@ -312,6 +312,9 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   RunObserver observer(loaded, output, tcp, may_observe, verbosity.is_quiet);
   if (here.contains("device")) {
     if (const auto warning = too_many_ticks(loaded.sides.size()); !warning.empty()) say(warning);
+    if (const auto warning = spin_warning(loaded.sides); !warning.empty() && !has_no_realtime) {
+      say(warning);
+    }
   }
 
   const WebConfig& web = loaded.viewer.web;

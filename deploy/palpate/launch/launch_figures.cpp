@@ -100,7 +100,8 @@ std::string launch_text(const Session& session, const std::vector<ObservedDevice
   }
   for (const auto& node : result.restarts) {
     if (node.count == 0) continue;
-    line("restarted", fmt::format("{}, {} times", node.name, node.count));
+    line("restarted", fmt::format("{}, {}", node.name,
+                                  node.count == 1 ? "once" : fmt::format("{} times", node.count)));
   }
   return text;
 }

@@ -50,6 +50,18 @@ TEST(Realtime, MoreTicksThanProcessorsAreAWarning) {
   EXPECT_THAT(too_many_ticks(CPU_SETSIZE + 1), HasSubstr("1025 sides on "));
 }
 
+TEST(Realtime, ThreadsThatNeverSleepNeedProcessorsOfTheirOwn) {
+  const auto with = [](std::size_t sides, WaitStrategy wait, int priority, int cpu) {
+    Side side;
+    side.realtime = {.priority = priority, .cpu = cpu, .wait = wait};
+    return spin_warning(std::vector<Side>(sides, side));
+  };
+  EXPECT_THAT(with(1, WaitStrategy::kSpin, 80, 0), HasSubstr("spin at priority 80"));
+  EXPECT_THAT(with(usable_processors(), WaitStrategy::kSpin, 80, -1), HasSubstr("priority: 0"));
+  EXPECT_EQ(with(usable_processors(), WaitStrategy::kSpin, 0, -1), "");
+  EXPECT_EQ(with(usable_processors(), WaitStrategy::kHybrid, 80, 0), "");
+}
+
 TEST(Realtime, TakesFifoExactlyWhenPermittedAndReportsIt) {
   const bool may = may_use_fifo(10);
   on_a_thread([may] {
