@@ -8,7 +8,7 @@ import { Timeline } from "./events";
 import { FoxgloveClient, type Handler } from "./foxglove";
 import { HandControl } from "./hand";
 import {
-  announcement, banner_lines, by_id, Counters, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
+  announcement, banner_lines, by_id, Counters, lost_lines, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
   write_session, write_state, write_tissues,
 } from "./panels";
 import { Plots, type ForceAxis } from "./plots";
@@ -242,7 +242,7 @@ function set_tools(): void {
 function pause(does: boolean): void {
   if (does) { // freeze all displays at the same instant
     set_tools();
-    write_state(telemetry, is_connected(), seconds());
+    write_state(telemetry, is_connected(), verdicts.size > 0, seconds());
   }
   is_paused = does;
   paused_s = telemetry.now_s;
@@ -377,13 +377,13 @@ function picture(): void {
 function say(now_s: number, display: View): void {
   // before the first connection, nothing is reported as lost
   const is_waiting = !has_been_connected && now_s < 2;
-  if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), now_s);
+  if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), verdicts.size > 0, now_s);
   for (const plot of plots.timed) plot.tell(display); // of the same tick as the state
   if (!is_paused) plots.loop.tell(display);
   chips.write(telemetry, scene, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
   write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
-  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), hand.status, now_s));
+  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, now_s));
   write_hand(hand.status, hand.is_touching);
   counters.write(telemetry);
   if (mode === "displacement" || mode === "strain") write_scale(view, mode);
@@ -391,11 +391,9 @@ function say(now_s: number, display: View): void {
 
 /** Failures of every side, whichever is on display. */
 function banners(status_text: string, now_s: number): string[] {
-  if (!is_connected()) {
-    return [...banner_lines(telemetry, false, server_silence_s(), status_text, now_s), ...verdicts.values()];
-  }
+  if (!is_connected()) return lost_lines(server_silence_s(), [...verdicts.values()]);
   const lines = [...sides].flatMap(([side, one]) =>
-    banner_lines(one, true, server_silence_s(), "", now_s).map((line) => (side ? `${side}: ${line}` : line)));
+    banner_lines(one, now_s).map((line) => (side ? `${side}: ${line}` : line)));
   return status_text ? [...lines, status_text] : lines;
 }
 
@@ -408,7 +406,7 @@ Object.defineProperty(window, "__test", {
     const now_s = seconds();
     return {
       is_connected: is_connected(),
-      state: state_words(telemetry, is_connected(), now_s),
+      state: state_words(telemetry, is_connected(), now_s, verdicts.size > 0),
       nodes: Object.fromEntries(kNodes.map((name) => {
         const node = telemetry.nodes[name];
         return [name, {

@@ -79,23 +79,24 @@ export class NodeChips {
   }
 }
 
-export function banner_lines(
-  telemetry: Telemetry, is_connected: boolean, silence_s: number, status: string, now_s: number): string[] {
-  if (!is_connected) {
-    return [`Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Reconnecting.`];
-  }
+/** @param verdicts  the last words of the server; empty: it has said none */
+export function lost_lines(silence_s: number, verdicts: string[]): string[] {
+  if (verdicts.length > 0) return ["The session has ended.", ...verdicts];
+  return [`Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Reconnecting.`];
+}
+
+export function banner_lines(telemetry: Telemetry, now_s: number): string[] {
   const lines = kNodes
     .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
     .map((name) => `${name}_node (${kNodeTasks[name]}) is gone: last heard ${duration_words(telemetry.nodes[name].silence_s(now_s))} ago.`);
   const recorder = telemetry.health?.recorder;
   if (recorder?.problem) lines.push(`The recording failed: ${recorder.problem}`);
-  if (status) lines.push(status);
   return lines;
 }
 
 /** For screen readers: rare and important changes. */
-export function announcement(telemetry: Telemetry, is_connected: boolean, hand: HandStatus, now_s: number): string {
-  if (!is_connected) return "Connection lost.";
+export function announcement(telemetry: Telemetry, is_connected: boolean, has_ended: boolean, hand: HandStatus, now_s: number): string {
+  if (!is_connected) return has_ended ? "The session has ended." : "Connection lost.";
   const gone = kNodes.filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s));
   if (gone.length > 0) return `${gone.map((name) => `${name}_node`).join(" and ")} gone.`;
   return hand.is_mine ? "You hold the hand." : hand.is_others ? "Another page holds the hand." : "";
@@ -107,8 +108,8 @@ export function write_banners(element: HTMLElement, lines: string[]): void {
   lines.forEach((text, i) => write(element.children[i], text));
 }
 
-export function write_state(telemetry: Telemetry, is_connected: boolean, now_s: number): void {
-  const words = state_words(telemetry, is_connected, now_s);
+export function write_state(telemetry: Telemetry, is_connected: boolean, has_ended: boolean, now_s: number): void {
+  const words = state_words(telemetry, is_connected, now_s, has_ended);
   by_id("state").dataset.tone = words.tone;
   write(by_id("state-title"), words.title);
   write(by_id("state-detail"), words.detail);

@@ -43,7 +43,9 @@ export function forces_of(telemetry: Telemetry, is_connected: boolean, now_s: nu
   };
 }
 
-export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: number): StateWords {
+/** @param has_ended  the server has given its verdict on the run, and goes */
+export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: number, has_ended = false): StateWords {
+  if (!is_connected && has_ended) return words("ended", "Session ended", "Its verdict is above.", "absent");
   if (!is_connected) return words("disconnected", "No connection", "The viewer's server does not answer.", "absent");
   const { device, mofc, physics } = telemetry.nodes;
   if (kNodes.every((name) => Number.isNaN(telemetry.nodes[name].heard_s))) {
