@@ -347,6 +347,19 @@ page_test("a lost connection is reported and made again", {}, async (page) => {
   });
 });
 
+page_test("a session that has ended is no lost connection, until another begins", {}, async (page) => {
+  const port = Number(new URL(server.url).port);
+  server.write_log("viewer_node", 'event=verdict grade=good text=""');
+  await until(page, (t) => t.events.some(({ text }) => text === "verdict: good"), "the verdict");
+  await server.close();
+  await until(page, (t) => t.state.id === "ended", "the end");
+  await until_text(page, "banners", /^The session has ended\.\s*verdict on the run: good\.$/);
+
+  server = await start_mock_server({ port });
+  await until(page, (t) => t.is_connected && t.state.id !== "ended" && t.scene, "the connection");
+  await until_text(page, "banners", /^$/);
+});
+
 page_test("every control has a name, and Tab reaches it", {}, async (page) => {
   const unnamed = await page.evaluate(() => [...document.querySelectorAll("button, canvas[tabindex]")]
     .filter((element) => !(element.getAttribute("aria-label") || element.innerText || element.title)).length);
