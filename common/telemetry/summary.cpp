@@ -60,6 +60,7 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
   if (row.mofc) {
     if (!row.mofc->requested_force_on_hand_newton.isZero(0.0)) ++requested_ticks_;
     if (row.mofc->is_clamped) ++clamped_ticks_;
+    if (row.mofc->state == MofcState::kClutched) ++clutched_ticks_;
   }
   const bool is_in_contact =
       row.is_truly_in_contact.value_or(row.mofc.has_value() && row.mofc->is_in_contact);
@@ -327,7 +328,8 @@ std::string summary_text(const Session& session, const RunReport& report) {
   line("monitor", monitor_text(report.device));
   if (report.device.has_no_motor_watchdog)
     line("motor watchdog", no_watchdog_text(report.device.accepts_no_motor_watchdog));
-  line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));
+  const double least_joule = s.minimum_true_energy_joule();
+  line("least true energy", std::isfinite(least_joule) ? energy_text(least_joule) : "–");
   line("velocity reversals",
        has_ideal ? fmt::format("{}, {} more than the ideal run", total, s.excess_reversals())
                  : fmt::format("{}", total));

@@ -27,6 +27,8 @@ class RunStatistics {
   /// Figures that need the ideal are NaN without it.
   [[nodiscard]] std::uint64_t ticks() const { return ticks_; }
   [[nodiscard]] std::uint64_t contact_ticks() const { return contact_ticks_; }
+  /// Answered while hand and tool were uncoupled.
+  [[nodiscard]] std::uint64_t clutched_ticks() const { return clutched_ticks_; }
   /// fs against fe, [MOFC] eqs. (15)–(18), per axis.
   [[nodiscard]] Vector3 transparency() const { return requests_.per_axis().mean(); }
   /// fs against fe, projected and capped.
@@ -73,6 +75,7 @@ class RunStatistics {
   std::uint64_t contact_ticks_ = 0;
   std::uint64_t requested_ticks_ = 0;
   std::uint64_t clamped_ticks_ = 0;
+  std::uint64_t clutched_ticks_ = 0;
   /// What the next row needs of a row; NaN where it is not known.
   struct Previous {
     std::uint64_t device_session_id = 0;

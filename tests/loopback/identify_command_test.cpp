@@ -74,7 +74,7 @@ TEST_F(IdentifyCommand, ProfileItWritesIsWhatTheClampCountsOn) {
   // the session names the profile that is only now written
   ASSERT_EQ(outcome.status, 0) << outcome.out;
   EXPECT_THAT(outcome.out, HasSubstr("overall: f_d ≥ 0.1"));
-  EXPECT_THAT(outcome.out, HasSubstr("wrote " + profile()));
+  EXPECT_THAT(outcome.out, HasSubstr("palpate: " + profile() + ": written"));
   const Session identified = load_session(session());
   const DeviceProfile& found = identified.side().device.profile;
   EXPECT_LE(found.viscous_newton_s_per_m, 0.2);

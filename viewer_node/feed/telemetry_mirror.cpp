@@ -51,7 +51,10 @@ TelemetryMirror::BatchLog::Place TelemetryMirror::BatchLog::note(const Header& h
     first = header.sequence;
     newest = header.sequence;
     seen = 1;
-    ++link.sessions;
+    if (std::find(known.begin(), known.end(), session_id) == known.end()) {
+      known.push_back(session_id);
+      link.sessions = known.size();
+    }
     ++link.batches_received;
     link.heard_at = now;
     return Place::kNewest;
@@ -78,11 +81,11 @@ TelemetryMirror::BatchLog::Place TelemetryMirror::BatchLog::note(const Header& h
 }
 
 void TelemetryMirror::take(const DeviceBatch& batch, TimePoint now) {
-  const std::uint64_t sessions_before = device_.link.sessions;
+  const std::uint64_t session_before = device_.session_id;
   const auto place = device_.note(batch.header, now);
   if (place == BatchLog::Place::kRefused) return;
   if (place == BatchLog::Place::kNewest) {
-    if (device_.link.sessions != sessions_before) answered_.clear();
+    if (device_.session_id != session_before) answered_.clear();
     device_counters_ = batch.counters;
     device_.link.records_lost = batch.records_lost;
     device_.link.peers_refused = batch.peers_refused;
@@ -110,11 +113,11 @@ void TelemetryMirror::take(const MofcBatch& batch, TimePoint now) {
 }
 
 void TelemetryMirror::take(const PhysicsBatch& batch, TimePoint now) {
-  const std::uint64_t sessions_before = physics_.link.sessions;
+  const std::uint64_t session_before = physics_.session_id;
   const auto place = physics_.note(batch.header, now);
   if (place == BatchLog::Place::kRefused) return;
   if (place == BatchLog::Place::kNewest) {
-    if (physics_.link.sessions != sessions_before) physics_ticks_.clear();
+    if (physics_.session_id != session_before) physics_ticks_.clear();
     physics_counters_ = batch.counters;
     physics_.link.records_lost = batch.records_lost;
     physics_.link.peers_refused = batch.peers_refused;

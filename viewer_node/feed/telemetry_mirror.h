@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <vector>
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
@@ -32,7 +33,7 @@ struct NodeLink {
   std::uint64_t batches_lost = 0;   ///< gaps in the sequence since the first batch
   std::uint64_t records_lost = 0;   ///< inside the node, from its newest batch
   std::uint64_t peers_refused = 0;  ///< by the node, from its newest batch
-  std::uint64_t sessions = 0;       ///< 0: never heard; 2: restarted once; …
+  std::uint64_t sessions = 0;       ///< different ones; 0: never heard; 2: restarted once; …
   TimePoint heard_at{};             ///< viewer's clock
 
   [[nodiscard]] bool is_heard() const { return sessions > 0; }
@@ -119,7 +120,8 @@ class TelemetryMirror {
     std::uint64_t superseded_session_id = 0;
     std::uint64_t first = 0;  // sequence first heard
     std::uint64_t newest = 0;
-    std::uint64_t seen = 0;  // bit i: sequence newest − i was received
+    std::uint64_t seen = 0;              // bit i: sequence newest − i was received
+    std::vector<std::uint64_t> known{};  // session ids: a replay that begins anew repeats them
 
     Place note(const Header& header, TimePoint now);
   };

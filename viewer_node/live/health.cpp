@@ -62,9 +62,7 @@ std::vector<RunFinding> WebHealth::verdict_of(std::size_t side, bool is_replay) 
   RunFacts facts =
       facts_of(facts_of(session_, session_.sides[side]), mirrors_[side], figures_[side]);
   facts.ticks_received = 0;  // rows are not counted here
-  if (is_replay) {           // which begins anew as viewers like
-    facts.device_node.restarts = facts.mofc_node.restarts = facts.physics_node.restarts = 0;
-  }
+  if (is_replay) leave_out_runs(facts, mirrors_[side]);
   return judge(facts);
 }
 

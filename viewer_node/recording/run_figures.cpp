@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <variant>
 
@@ -67,13 +68,22 @@ void for_each_count(MofcCounters& a, const MofcCounters& b, const MofcCounters& 
   visit(a.transparency_integral_ns, b.transparency_integral_ns, c.transparency_integral_ns);
 }
 
+/// A publisher reads the counters before it takes the records, among which there may be a later
+/// tick.
+std::uint64_t ticks_of(const DeviceBatch& batch) {
+  return batch.records.empty() ? batch.counters.loop.ticks : batch.records.back().sequence + 1;
+}
+std::uint64_t ticks_of(const MofcBatch& batch) { return batch.counters.ticks; }
+void set_ticks(DeviceCounters& counters, std::uint64_t ticks) { counters.loop.ticks = ticks; }
+void set_ticks(MofcCounters& counters, std::uint64_t ticks) { counters.ticks = ticks; }
+
 /// The counts before the first batch that was received: what its own ticks have not made. Of a
 /// batch from the start of a node nothing.
 DeviceCounters counts_before(const DeviceBatch& batch) {
   const std::uint64_t ticks = batch.records.size();
-  if (batch.counters.loop.ticks <= ticks) return {};
+  if (ticks_of(batch) <= ticks) return {};
   DeviceCounters before = batch.counters;
-  before.loop.ticks -= ticks;
+  before.loop.ticks = ticks_of(batch) - ticks;
   const auto take = [](std::uint64_t& count) { count -= std::min<std::uint64_t>(count, 1); };
   for (const DeviceTick& tick : batch.records) {
     if (tick.is_answered) take(before.answered_ticks);
@@ -101,18 +111,21 @@ MofcCounters counts_before(const MofcBatch& batch) {
 }
 
 /// Adds what the batch counts beyond the one before it.
+/// @return  false if the batch is known
 template <class Batch, class Counters, class Known>
-void add_counts(const Batch& batch, bool is_part, Counters& total, Known& session) {
+bool add_counts(const Batch& batch, bool is_part, Counters& total, Known& session) {
   const bool is_same = batch.header.session_id == session.id;
-  if (is_same && batch.header.sequence <= session.batch) return;  // late or twice
+  if (is_same && batch.header.sequence <= session.batch) return false;  // late or twice
   const Counters before = is_same ? session.newest : is_part ? counts_before(batch) : Counters{};
   session = {
       .id = batch.header.session_id, .batch = batch.header.sequence, .newest = batch.counters};
-  Counters sum = batch.counters;
+  set_ticks(session.newest, ticks_of(batch));
+  Counters sum = session.newest;
   for_each_count(sum, total, before, [](auto& count, const auto& earlier, const auto& known) {
     count = earlier + (count - known);
   });
   total = sum;
+  return true;
 }
 
 }  // namespace
@@ -134,7 +147,12 @@ void RunFigures::add(const DeviceBatch& batch) {
   device.longest_skip_ticks = std::max(device.longest_skip_ticks, longest_skip);
 }
 
-void RunFigures::add(const MofcBatch& batch) { add_counts(batch, is_part, mofc, mofc_session_); }
+void RunFigures::add(const MofcBatch& batch) {
+  if (!add_counts(batch, is_part, mofc, mofc_session_)) return;
+  for (const MofcTick& tick : batch.records) {
+    if (tick.state == MofcState::kClutched) ++clutched_ticks;
+  }
+}
 
 /// Time and steps between the first and the newest step of each session.
 void RunFigures::add(const PhysicsBatch& batch) {
@@ -143,8 +161,12 @@ void RunFigures::add(const PhysicsBatch& batch) {
     if (is_same && tick.sequence <= physics_sequence_) continue;  // late or twice
     if (is_same) {
       physics_steps += tick.sequence - physics_sequence_;
-      physics_time += tick.stepped_at - physics_stepped_at_;
+      const Duration since = tick.stepped_at - physics_stepped_at_;
+      physics_time += since;
+      if (tick.sequence == physics_sequence_ + 1) physics_gap = std::max(physics_gap, since);
     }
+    ++physics_received_;
+    physics_compute_ += tick.compute_time;
     physics_session_ = batch.header.session_id;
     physics_sequence_ = tick.sequence;
     physics_stepped_at_ = tick.stepped_at;
@@ -154,6 +176,10 @@ void RunFigures::add(const PhysicsBatch& batch) {
 double RunFigures::physics_hz() const {
   return physics_time.count() > 0 ? static_cast<double>(physics_steps) / to_seconds(physics_time)
                                   : kNaN;
+}
+
+double RunFigures::physics_busy_ratio() const {
+  return physics_hz() * to_seconds(physics_compute_) / static_cast<double>(physics_received_);
 }
 
 RunFacts facts_of(RunFacts about, const viewer::TelemetryMirror& mirror,
@@ -174,7 +200,15 @@ RunFacts facts_of(RunFacts about, const viewer::TelemetryMirror& mirror,
     about.physics_node.restarts = sessions > 0 ? sessions - 1 : 0;
   } else {
     about.physics_hz = figures.physics_hz();
+    about.physics_gap_s = to_seconds(figures.physics_gap);
+    about.physics_gap_ratio = about.physics_gap_s / to_seconds(figures.physics_time);
+    about.physics_busy_ratio = figures.physics_busy_ratio();
   }
+  if (!about.is_in_real_time) {  // where a physics is restarted only for mofc_node
+    const std::uint64_t sessions = about.mofc.interaction.sessions;
+    about.physics_node.restarts = sessions > 0 ? sessions - 1 : 0;
+  }
+  about.clutched_ticks = figures.clutched_ticks;
   const RunStatistics& received = figures.statistics;
   about.ticks_received = received.ticks();
   about.minimum_true_energy_joule = figures.minimum_true_energy_joule;
@@ -202,12 +236,21 @@ RunFacts facts_of(const RecordingFile& recording, const RecordedRun& run) {
   }
   about.is_in_real_time = !recording.about("recorded_by").starts_with("palpate loopback");
   RunFacts facts = facts_of(std::move(about), run.mirror, run.figures);
-  const auto copy = recording.mcap().metadata(viewer::kCopyMetadata);
-  if (const auto command = copy.find("command");
-      command != copy.end() && command->second == "merge") {  // of runs that follow each other
-    facts.device_node.restarts = facts.mofc_node.restarts = facts.physics_node.restarts = 0;
+  if (!recording.mcap().metadata(viewer::kCopyMetadata).empty()) {
+    leave_out_runs(facts, run.mirror);
   }
   return facts;
+}
+
+void leave_out_runs(RunFacts& facts, const viewer::TelemetryMirror& mirror) {
+  std::uint64_t runs = std::numeric_limits<std::uint64_t>::max();
+  for (const viewer::NodeLink* link :
+       {&mirror.device_link(), &mirror.mofc_link(), &mirror.physics_link()}) {
+    runs = std::min(runs, link->sessions);
+  }
+  for (RunFacts::Node* node : {&facts.device_node, &facts.mofc_node, &facts.physics_node}) {
+    node->restarts -= std::min(node->restarts, runs > 0 ? runs - 1 : 0);
+  }
 }
 
 std::string controller_of(const RecordingFile& recording, const std::string& side) {
@@ -296,7 +339,7 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
   }
   if (!std::isnan(figures.minimum_true_energy_joule)) {
     line("least true energy",
-         fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * figures.minimum_true_energy_joule));
+         energy_text(figures.minimum_true_energy_joule) + " (0 or more: passive)");
   }
   if (mofc.standby_interaction.sessions > 0) line("physics", speaker_text(mofc));
   if (std::string elastic = elastic_text(mirror.physics_counters()); !elastic.empty()) {

@@ -38,6 +38,8 @@ struct RunFigures {
   // of the physics, over all its sessions, without the time between them
   std::uint64_t physics_steps = 0;
   Duration physics_time{};
+  Duration physics_gap{};  ///< longest time between two steps of one session
+  std::uint64_t clutched_ticks = 0;
 
   /// Call it for every row. @param ideal  the ideal run, where it is known
   void add(const TickRow& row, const IdealState& ideal = {});
@@ -48,6 +50,8 @@ struct RunFigures {
 
   /// Steps per second while it ran; NaN: unknown.
   [[nodiscard]] double physics_hz() const;
+  /// Share of that time in which it computed, by the steps received; NaN: unknown.
+  [[nodiscard]] double physics_busy_ratio() const;
 
  private:
   /// What is known of the session that a node is in.
@@ -62,11 +66,16 @@ struct RunFigures {
   std::uint64_t physics_session_ = 0;
   std::uint64_t physics_sequence_ = 0;  // newest step
   TimePoint physics_stepped_at_{};
+  std::uint64_t physics_received_ = 0;  // steps
+  Duration physics_compute_{};          // of these
 };
 
 /// What is judged of an observed run. @param about  what is known of the session
 [[nodiscard]] RunFacts facts_of(RunFacts about, const viewer::TelemetryMirror& mirror,
                                 const RunFigures& figures);
+/// For what may hold several runs, a copy or a replay of one: where all nodes are other ones,
+/// another run began and none was restarted.
+void leave_out_runs(RunFacts& facts, const viewer::TelemetryMirror& mirror);
 /// Controller of one side of a recording: "left: mofc guard, right: none" names those of all.
 [[nodiscard]] std::string controller_of(const RecordingFile& recording, const std::string& side);
 

@@ -17,8 +17,14 @@ constexpr double kFriction_ratio = 0.95;  // of the profile, as the hands-off ch
 constexpr double kUsualRate_hz = 1000.0;
 /// What disturbs a tick spoils up to so many: a ledger that a burst has emptied fills by and by.
 constexpr double kAftermath = 5.0;
-/// Of the skipped ticks: those of the longest hole.
+/// Of the session: what it disturbs less is not named, however little was lost.
+constexpr double kLeastSimulated = 0.01;
+/// Of the skipped ticks, or of the missing steps: those of the longest hole.
 constexpr double kMostlyOneHole = 0.5;
+constexpr double kMostlySilent = 0.7;  // of what is missing: it stood still, it was not slow
+constexpr double kMostlyBusy = 0.5;    // of its time: it computed, it was not kept waiting
+/// Of session.duration_s: what the hand does at the end of its path is still to come.
+constexpr double kWholeRun = 0.95;
 /// A hole that no scheduler makes in a process that may run.
 constexpr double kStopped_s = 1.0;
 /// Of the default: from it on the cap takes force from `default`.
@@ -60,13 +66,26 @@ std::optional<Cause> Causes::found(std::initializer_list<const char*> events,
   return std::nullopt;
 }
 
-Cause Causes::simulated(const char* what, const std::string& fields) {
-  return {what, "simulated by `" + fields + "` of the session"};
+std::optional<Cause> Causes::simulated(SimulatedAt place, double loss) const {
+  const double period_s = 1.0 / f_.device_rate_hz;
+  const double run_s =
+      static_cast<double>(f_.device.loop.ticks + f_.device.loop.skipped_ticks) * period_s;
+  const SimulatedDisturbance disturbance =
+      simulated_at(place, f_.faults, f_.adversary, period_s, run_s);
+  if (disturbance.fields.empty() ||
+      disturbance.share < std::max(kLeastSimulated, loss / kAftermath)) {
+    return std::nullopt;
+  }
+  const auto* what = place == SimulatedAt::kExchange ? "simulated_exchange"
+                     : place == SimulatedAt::kDevice ? "simulated_device"
+                     : place == SimulatedAt::kClamp  ? "simulated_clamp"
+                                                     : "simulated_physics";
+  return Cause{what, "simulated by `" + disturbance.fields + "` of the session"};
 }
 
-Cause Causes::of_late_ticks() const {
+Cause Causes::of_late_ticks(double skipped) const {
   if (const auto cause = found({"device_restarted"})) return *cause;
-  if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+  if (const auto cause = simulated(SimulatedAt::kDevice, skipped)) return *cause;
   if (!f_.is_in_real_time) return {"unknown", "in lockstep no tick is late by itself: report it"};
   if (const auto cause = stopped_process()) return *cause;
   if (const auto cause = few_processors()) return *cause;
@@ -99,15 +118,30 @@ std::optional<Cause> Causes::few_processors() const {
           std::isfinite(f_.load) ? fmt::format(" (load {:.1f})", f_.load) : "")};
 }
 
-Cause Causes::of_no_answer() const {
+std::optional<Cause> Causes::paused_clamp() const {
+  const DeviceCounters& device = f_.device;
+  const std::uint64_t limp =
+      device.limp_ticks - std::min(device.limp_ticks, start_up_ticks(device));
+  if (!f_.is_in_real_time ||
+      ratio(limp, device.leased_ticks + device.fallback_ticks + limp) < kMostlyLimp) {
+    return std::nullopt;
+  }
+  return Cause{"mofc_paused",
+               fmt::format("mofc_node was silent for {:.2g} s in all, not late: it was starting, "
+                           "stopped, or kept from its processor (`palpate doctor`)",
+                           static_cast<double>(limp) / f_.device_rate_hz)};
+}
+
+Cause Causes::of_no_answer(double unanswered) const {
   if (const auto cause =
           found({"device_fault", "device_not_enabled", "dead_man_button", "mofc_silent",
                  "mofc_restarted", "device_restarted", "command_not_finite"})) {
     return *cause;
   }
-  if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
-  if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
-  if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+  for (const SimulatedAt place :
+       {SimulatedAt::kExchange, SimulatedAt::kClamp, SimulatedAt::kDevice}) {
+    if (const auto cause = simulated(place, unanswered)) return *cause;
+  }
   if (f_.device.late_switches > 0) {
     return {"late_switch", fmt::format("{} forces began after their deadline; run `palpate doctor`",
                                        f_.device.late_switches)};
@@ -116,21 +150,52 @@ Cause Causes::of_no_answer() const {
     return {"unknown", "device.reply_us or mofc.wait_for_physics_ms leaves no time for an answer"};
   }
   if (const auto cause = few_processors()) return *cause;
-  const DeviceCounters& device = f_.device;
-  const std::uint64_t limp =
-      device.limp_ticks - std::min(device.limp_ticks, start_up_ticks(device));
-  if (ratio(limp, device.leased_ticks + device.fallback_ticks + limp) >= kMostlyLimp) {
-    return {"mofc_paused",
-            fmt::format("mofc_node was silent for {:.2g} s in all, not late: it was starting, "
-                        "stopped, or kept from its processor (`palpate doctor`)",
-                        static_cast<double>(limp) / f_.device_rate_hz)};
-  }
+  if (const auto cause = paused_clamp()) return *cause;
   return {"machine_late",
           "run `palpate doctor`, stop other programs, or use --together device,mofc"};
 }
 
+Cause Causes::of_silent_physics(double silent) const {
+  if (auto cause = simulated(SimulatedAt::kPhysics, silent)) {
+    return {"physics_silent", std::move(cause->remedy)};
+  }
+  // when it wakes, it answers readings that are older than any news of the physics
+  const bool has_clamp = !found({"device_not_enabled", "dead_man_button", "mofc_silent"});
+  if (const auto cause = paused_clamp();
+      cause && has_clamp && f_.device.limp_ticks >= f_.mofc.stale_ticks) {
+    return *cause;
+  }
+  return {"physics_silent",
+          "see the log of physics_node: it was restarted, stopped, or its steps take long"};
+}
+
+Cause Causes::of_slow_physics(double missing) const {
+  const double worst_s = to_seconds(f_.physics.worst_compute_time);
+  if (f_.waits_for_physics) {
+    if (const auto cause = simulated(SimulatedAt::kPhysics, missing)) return *cause;
+  }
+  if (f_.physics_gap_ratio >= kMostlyOneHole * missing && f_.physics_gap_s > 2.0 * worst_s) {
+    if (const auto cause = found({"physics_silent"})) return *cause;
+    return {"physics_paused",
+            fmt::format("physics_node made no step for {:.2g} s at a stretch: it was stopped, or "
+                        "kept from its processor (`palpate doctor`)",
+                        f_.physics_gap_s)};
+  }
+  if (const auto cause = found({"physics_silent"}, kMostlySilent * missing)) return *cause;
+  if (const auto cause = few_processors()) return *cause;
+  if (f_.is_in_real_time && f_.physics_busy_ratio > 0.0 && f_.physics_busy_ratio < kMostlyBusy) {
+    return {"machine_late",
+            fmt::format("its steps took {} of the time, so it was kept from its processor: run "
+                        "`palpate doctor`, stop other programs",
+                        percent(f_.physics_busy_ratio))};
+  }
+  return {"physics_slow",
+          (worst_s > 0.0 ? fmt::format("its steps took up to {:.1f} ms: ", 1e3 * worst_s) : "") +
+              "simplify the scene, lower physics.rate_hz, or give it a processor of its own"};
+}
+
 Cause Causes::of_extracted_energy() const {
-  if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
+  if (const auto cause = simulated(SimulatedAt::kClamp, 0.0)) return *cause;
   if (!f_.is_limited && f_.controller == "none") {
     return {"no_controller", "no controller limits the force; try --set mofc.controller=mofc"};
   }
@@ -152,14 +217,33 @@ Cause Causes::of_no_contact() const {
                  "device_restarted", "mofc_restarted", "physics_restarted", "dead_man_button"})) {
     return *cause;
   }
-  if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
-  if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
+  const double ticks = static_cast<double>(f_.device.loop.ticks);
+  const double touched = f_.true_contact_ticks > 0
+                             ? static_cast<double>(f_.true_contact_ticks) / std::max(ticks, 1.0)
+                             : 1.0;
+  for (const SimulatedAt place : {SimulatedAt::kExchange, SimulatedAt::kPhysics}) {
+    if (const auto cause = simulated(place, touched)) return *cause;
+  }
   if (f_.true_contact_ticks > 0) {
     return {"physics_late",
             "no contact reached mofc_node in time: a higher physics.rate_hz, or a "
             "longer run"};
   }
+  if (!f_.has_tissue) return {"no_tissue", "the session has no tissue: add scene { tissue { … } }"};
+  const double clutched = static_cast<double>(f_.clutched_ticks) / std::max(ticks, 1.0);
+  if (clutched >= kFairRatio) {
+    return {"clutched", "the clutch was held in " + percent(clutched) +
+                            " of the ticks, where the tool does not follow the hand: release "
+                            "device.workspace.clutch_button"};
+  }
   if (!f_.is_simulated) return {"no_contact", "move the device to the tissue"};
+  const double run_s = ticks / f_.device_rate_hz;
+  if (run_s < kWholeRun * f_.duration_s) {
+    return {"run_short",
+            fmt::format("the run took {:.3g} s of the {:.3g} s of the session, and its hand may "
+                        "touch later: run longer; `palpate scene check` says whether it does",
+                        run_s, f_.duration_s)};
+  }
   return {"path", "check the hand's path and the places of the tissues: `palpate scene check`"};
 }
 
@@ -173,15 +257,13 @@ std::optional<Cause> Causes::disturbance(double least_share) const {
       least_share);
 }
 
-/// How much of the run these took is not counted.
-std::optional<Cause> Causes::simulated_disturbance() const {
-  if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
-  if (!f_.standby_faults.empty() && f_.mofc.standby_ticks > 0) {
-    return simulated("simulated_physics", f_.standby_faults);
+std::optional<Cause> Causes::simulated_disturbance(double loss) const {
+  for (const SimulatedAt place :
+       {SimulatedAt::kPhysics, SimulatedAt::kStandby, SimulatedAt::kExchange, SimulatedAt::kDevice,
+        SimulatedAt::kClamp}) {
+    if (place == SimulatedAt::kStandby && f_.mofc.standby_ticks == 0) continue;
+    if (auto cause = simulated(place, loss)) return cause;
   }
-  if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
-  if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
-  if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
   return std::nullopt;
 }
 
@@ -293,8 +375,8 @@ Cause Causes::of_loss(double loss) const {
   if (f_.is_limited) {
     if (const auto cause = no_friction()) return *cause;
   }
-  if (const auto cause = simulated_disturbance()) return *cause;
-  if (!f_.is_limited) {
+  if (const auto cause = simulated_disturbance(loss)) return *cause;
+  if (is_other_controller()) {
     return {f_.controller == "none" ? "no_controller" : "controller",
             "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
   }

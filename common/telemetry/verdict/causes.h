@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "common/telemetry/verdict/simulated.h"
 #include "common/telemetry/verdict/verdict.h"
 
 namespace palpate {
@@ -36,11 +37,19 @@ class Causes {
   /// The first of these that was found, is not good and took at least that share of the run.
   [[nodiscard]] std::optional<Cause> found(std::initializer_list<const char*> events,
                                            double least_share = 0.0) const;
-  /// By `fields` of the session.
-  [[nodiscard]] static Cause simulated(const char* what, const std::string& fields);
+  /// What the session simulates there, if it disturbs enough of the run.
+  /// @param loss  share of the run, or of the contact, that is to be explained
+  [[nodiscard]] std::optional<Cause> simulated(SimulatedAt place, double loss) const;
+  /// The controller is not MOFC: a net behind it changes nothing about who asks for the force.
+  [[nodiscard]] bool is_other_controller() const {
+    return !f_.controller.empty() && !f_.controller.starts_with("mofc");
+  }
 
-  [[nodiscard]] Cause of_late_ticks() const;
-  [[nodiscard]] Cause of_no_answer() const;
+  [[nodiscard]] Cause of_late_ticks(double skipped) const;
+  [[nodiscard]] Cause of_no_answer(double unanswered) const;
+  [[nodiscard]] Cause of_silent_physics(double silent) const;
+  /// @param missing  share of the steps, or of the ticks that had to wait for one
+  [[nodiscard]] Cause of_slow_physics(double missing) const;
   [[nodiscard]] Cause of_extracted_energy() const;
   [[nodiscard]] Cause of_no_contact() const;
   /// The machine has fewer processors than the session has sides.
@@ -51,8 +60,9 @@ class Causes {
 
  private:
   [[nodiscard]] std::optional<Cause> stopped_process() const;
+  [[nodiscard]] std::optional<Cause> paused_clamp() const;
   [[nodiscard]] std::optional<Cause> disturbance(double least_share) const;
-  [[nodiscard]] std::optional<Cause> simulated_disturbance() const;
+  [[nodiscard]] std::optional<Cause> simulated_disturbance(double loss) const;
   [[nodiscard]] std::optional<Cause> begin_of_run() const;
   [[nodiscard]] std::optional<Cause> device(double least_share) const;
   [[nodiscard]] std::optional<Cause> credit_cap() const;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "common/telemetry/verdict/causes.h"
@@ -16,8 +17,7 @@ namespace {
 constexpr double kBadSilence_ratio = 0.10;  // of the ticks without physics
 constexpr double kBadTooFast_ratio = 0.01;  // of the ticks with a hand beyond v_max
 constexpr double kLostTelemetry_ratio = 0.01;
-constexpr double kLongStart_s = 1.0;   // until the first answer
-constexpr double kMostlySilent = 0.7;  // of what is missing: it stood still, it was not slow
+constexpr double kLongStart_s = 1.0;  // until the first answer
 
 Grade grade_above(double value, double fair, double bad) {
   return value >= bad ? Grade::kBad : value >= fair ? Grade::kFair : Grade::kGood;
@@ -82,6 +82,16 @@ class Judge {
         "{} connections were refused: the key folders of the machines must belong "
         "together (`palpate keygen`)",
         refused);
+  }
+
+  [[nodiscard]] bool has_physics_spoken() const {
+    return f_.mofc.interaction.accepted + f_.mofc.standby_interaction.accepted > 0;
+  }
+
+  /// Of a clamp that lies because the session wants it to.
+  [[nodiscard]] std::string remedy_of_lie(std::string otherwise) const {
+    auto lie = causes_.simulated(SimulatedAt::kClamp, 0.0);
+    return lie ? std::move(lie->remedy) : std::move(otherwise);
   }
 
   [[nodiscard]] bool has_fault() const {
@@ -170,9 +180,9 @@ class Judge {
     if (grade == Grade::kGood) return;
     const std::string text = "the device's peak force or slew limit cut the force in " +
                              percent(cut) + " of the contact";
-    if (!f_.clamp_faults.empty()) {
-      add(grade, "peak_force", text, Causes::simulated("simulated_clamp", f_.clamp_faults), cut);
-    } else if (!f_.is_limited) {  // what oscillates saturates
+    if (auto lie = causes_.simulated(SimulatedAt::kClamp, cut)) {
+      add(grade, "peak_force", text, std::move(*lie), cut);
+    } else if (causes_.is_other_controller()) {  // what oscillates saturates
       add(grade, "peak_force", text, causes_.of_loss(cut), cut);
     } else {
       add({grade, "peak_force", text,
@@ -183,16 +193,23 @@ class Judge {
   }
 
   void judge_nodes() {
-    const auto restarted = [&](const char* what, const char* node, const RunFacts::Node& facts) {
-      if (facts.restarts == 0) return;
-      add({Grade::kBad, what,
-           fmt::format("{} was restarted {}", node,
-                       facts.restarts == 1 ? "once" : fmt::format("{} times", facts.restarts)),
-           "its log says why it ended"});
+    const auto restarted = [&](const char* what, const char* node, std::uint64_t restarts,
+                               std::optional<Cause> simulated = {}) {
+      if (restarts == 0) return;
+      add(Grade::kBad, what,
+          fmt::format("{} was restarted {}", node,
+                      restarts == 1 ? "once" : fmt::format("{} times", restarts)),
+          simulated.value_or(Cause{what, "its log says why it ended"}));
     };
-    restarted("device_restarted", "device_node", f_.device_node);
-    restarted("mofc_restarted", "mofc_node", f_.mofc_node);
-    restarted("physics_restarted", "physics_node", f_.physics_node);
+    restarted("device_restarted", "device_node", f_.device_node.restarts);
+    restarted("mofc_restarted", "mofc_node", f_.mofc_node.restarts);
+    // one that never spoke is silent
+    if (has_physics_spoken()) {
+      restarted("physics_restarted", "physics_node", f_.physics_node.restarts,
+                f_.adversary.physics == HostilePhysics::kNewSessions
+                    ? causes_.simulated(SimulatedAt::kPhysics, 1.0)
+                    : std::nullopt);
+    }
     if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && !has_fault() &&
         !causes_.found({"device_not_enabled", "dead_man_button", "position_frozen"})) {
       add({Grade::kBad, "mofc_silent", "mofc_node never answered device_node in time",
@@ -204,49 +221,38 @@ class Judge {
       add({Grade::kBad, "command_not_finite",
            fmt::format("mofc_node sent {} commands that are not numbers",
                        f_.device.non_finite_commands),
-           f_.clamp_faults.empty() ? "a controller of your own? check it with `palpate loopback`"
-                                   : Causes::simulated("", f_.clamp_faults).remedy});
+           remedy_of_lie("a controller of your own? check it with `palpate loopback`")});
     }
   }
 
   void judge_physics() {
     const MofcCounters& mofc = f_.mofc;
-    const bool has_answered = mofc.interaction.accepted + mofc.standby_interaction.accepted > 0;
-    if (mofc.ticks > 0 && !has_answered && !(has_fault() && f_.physics_node.is_heard)) {
+    if (mofc.ticks > 0 && !has_physics_spoken() && !(has_fault() && f_.physics_node.is_heard)) {
+      const auto simulated = causes_.simulated(SimulatedAt::kPhysics, 1.0);
       add({Grade::kBad, "physics_silent", "mofc_node never heard the physics: no force of tissue",
-           !f_.physics_faults.empty()
-               ? Causes::simulated("", f_.physics_faults).remedy
-               : keys_remedy(
-                     f_.physics_node.is_heard
-                         ? "it runs, but its answers do not arrive: check links.interaction"
-                         : "it was not heard: see its messages; a large scene may still load")});
+           simulated ? simulated->remedy
+           : f_.physics_node.is_heard
+               ? keys_remedy("it runs, but its answers do not arrive: check links.interaction")
+           : f_.physics_node.restarts > 0
+               ? fmt::format(
+                     "it was not heard, and was started {} times: its log says why it ended",
+                     f_.physics_node.restarts + 1)
+               : keys_remedy("it was not heard: see its messages; a large scene may still load")});
     } else if (const double silent = ratio(mofc.stale_ticks, mofc.ticks); silent > kFewTicks) {
-      Event event{
-          silent >= kBadSilence_ratio ? Grade::kBad : Grade::kFair, "physics_silent",
+      add(silent >= kBadSilence_ratio ? Grade::kBad : Grade::kFair, "physics_silent",
           "physics was silent, and the force faded, in " + percent(silent) + " of the ticks",
-          "see the log of physics_node: it was restarted, stopped, or its steps take long"};
-      event.share = silent;
-      if (!f_.physics_faults.empty())
-        event.remedy = Causes::simulated("", f_.physics_faults).remedy;
-      add(std::move(event));
+          causes_.of_silent_physics(silent), silent);
     }
-    const double rate = f_.physics_hz / f_.physics_rate_hz;
-    if (rate < kFairPhysicsRate_ratio) {
-      const Grade grade = rate < kBadPhysicsRate_ratio ? Grade::kBad : Grade::kFair;
-      const std::string text = fmt::format("physics made {} of {} steps a second",
-                                           thousands(f_.physics_hz), thousands(f_.physics_rate_hz));
-      // while it stood still it made none
-      if (auto silence = causes_.found({"physics_silent"}, kMostlySilent * (1.0 - rate))) {
-        add(grade, "physics_slow", text, std::move(*silence), 1.0 - rate);
-      } else if (auto machine = causes_.few_processors()) {
-        add(grade, "physics_slow", text, std::move(*machine), 1.0 - rate);
-      } else {
-        add({grade, "physics_slow", text,
-             fmt::format("its steps took up to {:.1f} ms: simplify the scene, lower "
-                         "physics.rate_hz, or give it a processor of its own",
-                         1e3 * to_seconds(f_.physics.worst_compute_time)),
-             1.0 - rate});
-      }
+    // what waits for the physics asks for its steps
+    const double late = ratio(mofc.late_physics_ticks, mofc.ticks);
+    const double missing = f_.waits_for_physics ? late : 1.0 - f_.physics_hz / f_.physics_rate_hz;
+    if (missing > 1.0 - kFairPhysicsRate_ratio) {
+      add(missing > 1.0 - kBadPhysicsRate_ratio ? Grade::kBad : Grade::kFair, "physics_slow",
+          f_.waits_for_physics
+              ? "physics answered too late in " + percent(late) + " of the ticks"
+              : fmt::format("physics made {} of {} steps a second", thousands(f_.physics_hz),
+                            thousands(f_.physics_rate_hz)),
+          causes_.of_slow_physics(missing), missing);
     }
     const PhysicsCounters& physics = f_.physics;
     if (ratio(physics.elastic_solves_late, physics.elastic_solves) >= kFairRatio) {
@@ -304,7 +310,6 @@ class Judge {
   /// Where the clamp grants, or counts on, more than the device has seen.
   [[nodiscard]] std::string disagreement_remedy() const {
     const double friction = f_.device.checked_friction_ratio;
-    if (!f_.clamp_faults.empty()) return Causes::simulated("", f_.clamp_faults).remedy;
     if (!f_.is_limited) {
       return "the controller `" + f_.controller +
              "` does not limit itself; use mofc, or mofc.safety_net=true";
@@ -323,7 +328,7 @@ class Judge {
          fmt::format(
              "the clamp counted on more energy than the hand can have put in, in {} answers",
              excesses),
-         disagreement_remedy(), ratio(excesses, ticks())});
+         remedy_of_lie(disagreement_remedy()), ratio(excesses, ticks())});
   }
 
   void judge_monitor() {
@@ -332,7 +337,7 @@ class Judge {
     const double share = ratio(device.monitor_reductions, ticks());
     add({share >= kFairRatio ? Grade::kBad : Grade::kFair, "monitor_reduced",
          fmt::format("the monitor on the device reduced {} commands", device.monitor_reductions),
-         disagreement_remedy(), share});
+         remedy_of_lie(disagreement_remedy()), share});
   }
 
   void judge_ticks() {
@@ -352,12 +357,12 @@ class Judge {
     }
     if (skipped > kFewTicks) {
       add(skipped >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_skipped",
-          percent(skipped) + " of the ticks were skipped", causes_.of_late_ticks(), skipped);
+          percent(skipped) + " of the ticks were skipped", causes_.of_late_ticks(skipped), skipped);
     }
     if (unanswered > kFewTicks) {
       add(unanswered >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_unanswered",
-          percent(unanswered) + " of the ticks were not answered in time", causes_.of_no_answer(),
-          unanswered);
+          percent(unanswered) + " of the ticks were not answered in time",
+          causes_.of_no_answer(unanswered), unanswered);
     }
     if (skipped <= kFewTicks && unanswered <= kFewTicks) {
       good("ticks_answered",
@@ -389,7 +394,7 @@ class Judge {
       return;
     }
     judge_whether_felt();
-    if (!f_.controller.starts_with("mofc")) return;  // other controllers change every force
+    if (!f_.is_limited) return;  // other controllers change every force
     const double clamped = ratio(mofc.clamped_ticks, mofc.contact_ticks);
     const Grade grade = grade_above(clamped, kFairRatio, kBadRatio);
     if (grade == Grade::kGood) {

@@ -10,13 +10,6 @@
 #include "common/session/path_speed.h"
 
 namespace palpate {
-namespace {
-
-void append(std::string& list, const char* field) {
-  list += (list.empty() ? "" : ", ") + std::string(field);
-}
-
-}  // namespace
 
 RunFacts facts_of(const Session& session, const Side& side) {
   RunFacts facts;
@@ -47,26 +40,10 @@ RunFacts facts_of(const Session& session, const Side& side) {
     facts.path_m_per_s = fastest.m_per_s;
     facts.path_at_s = fastest.at_s;
   }
-  const FaultsConfig& faults = session.faults;
-  if (faults.device_state.any()) append(facts.exchange_faults, "faults.device_state");
-  if (faults.force_command.any()) append(facts.exchange_faults, "faults.force_command");
-  if (faults.tool_motion.any()) append(facts.physics_faults, "faults.tool_motion");
-  if (faults.interaction.any()) append(facts.physics_faults, "faults.interaction");
-  if (faults.standby_tool_motion.any()) append(facts.standby_faults, "faults.standby_tool_motion");
-  if (faults.standby_interaction.any()) append(facts.standby_faults, "faults.standby_interaction");
-  const DeviceFaults& device = faults.device;
-  if (!device.skips.empty() || device.late_ratio > 0.0 || device.late_switch_ratio > 0.0) {
-    append(facts.device_faults, "faults.device");
-  }
-  const AdversaryConfig& adversary = session.adversary;
-  if (adversary.tick_jitter_ratio > 0.0) {
-    append(facts.device_faults, "adversary.tick_jitter_ratio");
-  }
-  if (adversary.late_tick_ratio > 0.0) append(facts.device_faults, "adversary.late_tick_ratio");
-  if (adversary.physics != HostilePhysics::kHonest) {
-    append(facts.physics_faults, "adversary.physics");
-  }
-  if (adversary.clamp != LyingClamp::kTruthful) append(facts.clamp_faults, "adversary.clamp");
+  facts.has_tissue = !session.scene.tissues.empty() || !session.physics_command.empty();
+  facts.duration_s = session.duration_s;
+  facts.faults = session.faults;
+  facts.adversary = session.adversary;
   return facts;
 }
 
@@ -86,6 +63,7 @@ RunFacts facts_of(const Session& session, const RunReport& report) {
   if (report.simulated_s > 0.0) {
     facts.physics_hz = static_cast<double>(report.physics.loop.ticks) / report.simulated_s;
   }
+  facts.clutched_ticks = s.clutched_ticks();
   facts.true_contact_ticks = s.contact_ticks();
   facts.minimum_true_energy_joule = s.minimum_true_energy_joule();
   facts.maximum_force_newton = s.maximum_force_newton();

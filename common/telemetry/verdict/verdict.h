@@ -50,12 +50,10 @@ struct RunFacts {
   double v_max_m_per_s = std::numeric_limits<double>::infinity();
   double path_m_per_s = 0.0;  ///< fastest place of a recorded path; 0: the path is another one
   double path_at_s = 0.0;
-  // its simulated disturbances, by their fields: "faults.interaction"; empty: none
-  std::string exchange_faults{};  ///< of hops 1 and 4
-  std::string physics_faults{};   ///< of hops 2 and 3, and a hostile physics
-  std::string standby_faults{};   ///< of hops 2 and 3 of physics.standby
-  std::string device_faults{};    ///< of the device's process
-  std::string clamp_faults{};     ///< a clamp that lies
+  bool has_tissue = true;
+  double duration_s = kNaN;     ///< of the session
+  FaultsConfig faults{};        ///< what it simulates to go wrong,
+  AdversaryConfig adversary{};  ///< and who
 
   // the nodes
   struct Node {
@@ -74,6 +72,10 @@ struct RunFacts {
   MofcCounters mofc{};
   PhysicsCounters physics{};
   double physics_hz = kNaN;              ///< steps per second, as measured
+  double physics_gap_s = 0.0;            ///< longest time between two steps
+  double physics_gap_ratio = 0.0;        ///< of the time in which it ran
+  double physics_busy_ratio = kNaN;      ///< share of that time in which it computed
+  std::uint64_t clutched_ticks = 0;      ///< answered while hand and tool were uncoupled
   std::uint64_t ticks_received = 0;      ///< telemetry of the device; 0: not known
   std::uint64_t true_contact_ticks = 0;  ///< by the ideal run; 0: not known
 

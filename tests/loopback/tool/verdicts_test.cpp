@@ -59,6 +59,7 @@ std::vector<TelemetryMessage> telemetry_of(const TroubledRun& run) {
     PhysicsBatch physics = physics_batch(0, 0, 1);
     physics.counters = run.physics;
     physics.records.front().stepped_at = {};
+    for (PhysicsTick& tick : physics.records) tick.compute_time = std::chrono::milliseconds(1);
     physics.records.back().sequence = run.physics_steps;
     physics.records.back().stepped_at = TimePoint(std::chrono::seconds(10));
     messages.emplace_back(std::move(physics));

@@ -77,7 +77,9 @@ inline TroubledRun run_of(const VerdictCase& one) {
        folder.write("verdict.txtpb",
                     "name: \"verdict\"\n"
                     "device { rate_hz: 1000 simulated {} }\n"
-                    "physics { rate_hz: 1000 }\n"));
+                    "physics { rate_hz: 1000 }\n"
+                    "scene { tissue { name: \"block\" half_space {} "
+                    "kelvin_voigt { stiffness_newton_per_m: 250 } } }\n"));
   TroubledRun run;
   run.session = load_session(file, one.settings);
   one.trouble(run);
@@ -360,6 +362,12 @@ inline std::vector<VerdictCase> verdict_cases() {
        [](TroubledRun& run) { run.device.minimum_true_energy_joule = -2e-3; }},
       {"a path beside the tissue", "path", "hand's path", "bad",
        [](TroubledRun& run) { run.mofc.contact_ticks = 0; }},
+      {"a run that ends before the hand is there",
+       "run_short",
+       "10 s of the 17 s",
+       "bad",
+       [](TroubledRun& run) { run.mofc.contact_ticks = 0; },
+       {"duration_s=17"}},
       {"held forces of a slow physics",
        "physics_rate",
        "mofc.interaction=local",

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -51,13 +53,11 @@ TEST(Verdict, NamesTheCauseOfEveryTrouble) {
 TEST(Verdict, BlamesNoSimulatedFaultWhereThereIsNone) {
   for (const VerdictCase& one : verdict_cases()) {
     const TroubledRun run = run_of(one);
-    const RunFacts facts = lockstep_facts(run);
-    if (!(facts.exchange_faults + facts.physics_faults + facts.standby_faults +
-          facts.device_faults + facts.clamp_faults)
-             .empty()) {
-      continue;
-    }
-    EXPECT_THAT(words_of(judge(facts)), Not(HasSubstr("simulated"))) << one.name;
+    const auto is_simulated = [](const std::string& setting) {
+      return setting.starts_with("faults.") || setting.starts_with("adversary.");
+    };
+    if (std::any_of(one.settings.begin(), one.settings.end(), is_simulated)) continue;
+    EXPECT_THAT(words_of(judge(lockstep_facts(run))), Not(HasSubstr("simulated"))) << one.name;
   }
 }
 
@@ -120,7 +120,7 @@ TEST(Verdict, OfTooFewProcessorsDoesNotBlameSceneOrOtherPrograms) {
 }
 
 TEST(Verdict, BlamesASimulatedFaultBeforeWhatTheSessionSets) {
-  std::vector<std::string> settings{"faults.device.skip={from_s: 1 until_s: 1.2}",
+  std::vector<std::string> settings{"faults.device.skip={from_s: 1 until_s: 2}",
                                     "faults.device.late_ratio=0.1",
                                     "faults.device={late_switch_ratio: 0.1 late_switch_us: 300}",
                                     "adversary.physics=push_along",
@@ -129,17 +129,41 @@ TEST(Verdict, BlamesASimulatedFaultBeforeWhatTheSessionSets) {
                                     "adversary.late_tick_ratio=0.1"};
   for (const char* link : {"device_state", "force_command", "tool_motion", "interaction"}) {
     for (const char* fault : {"delay_ms=1", "jitter_ms=1", "loss_ratio=0.1", "burst_ratio=0.1",
-                              "duplicate_ratio=0.1", "outage={from_s: 1 until_s: 2}",
-                              "stall={from_s: 1 until_s: 2}", "freeze={from_s: 1 until_s: 2}"}) {
+                              "outage={from_s: 1 until_s: 2}", "stall={from_s: 1 until_s: 2}",
+                              "freeze={from_s: 1 until_s: 2}"}) {
       settings.push_back(std::string("faults.") + link + "." + fault);
     }
   }
   for (const std::string& setting : settings) {
     VerdictCase one;
-    one.trouble = [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; };
+    one.trouble = [](TroubledRun& run) { run.mofc.clamped_ticks = 2'000; };
     one.settings = {"mofc.velocity_estimator={difference {}}", setting};
     const std::vector<RunFinding> findings = judge(lockstep_facts(run_of(one)));
     EXPECT_THAT(cause_of(findings), HasSubstr("simulated_")) << setting << words_of(findings);
+  }
+}
+
+// what is lost, late or false now and then explains no loss of a third of the contact
+TEST(Verdict, BlamesNoSimulatedFaultThatDisturbsNextToNothing) {
+  for (const auto& [setting, cause] :
+       {std::pair{"mofc.mode=paper", "mode"},
+        {"mofc.guard_settings.credit_cap_joule=1e-4", "credit_cap"},
+        {"device.start_ramp_ms=20000", "start_ramp"},
+        {"mofc.controller=energy_bounding", "controller"},
+        {"mofc.velocity_estimator={difference {}}", "velocity_estimator"},
+        {"device.rate_hz=1000", "tissue_stiff"}}) {
+    for (const char* fault :
+         {"tool_motion.loss_ratio=0.0001", "interaction.delay_ms=0.005",
+          "device_state.duplicate_ratio=0.9", "force_command.jitter_ms=0.01",
+          "interaction.outage={from_s: 100 until_s: 200}", "device.late_ratio=0.0001"}) {
+      VerdictCase one;
+      one.trouble = [](TroubledRun& run) { run.mofc.clamped_ticks = 2'000; };
+      one.settings = {setting, std::string("faults.") + fault};
+      RunFacts facts = lockstep_facts(run_of(one));
+      facts.force_error_rms_ratio = 0.6;
+      facts.excess_reversals = 5;
+      EXPECT_EQ(cause_of(judge(facts)), cause) << fault << "\n" << words_of(judge(facts));
+    }
   }
 }
 
@@ -152,6 +176,100 @@ TEST(Verdict, DoesNotSayThatTheToolNeverTouchedWhereItDid) {
   EXPECT_THAT(words, HasSubstr("2499 ticks"));
   EXPECT_THAT(words, Not(HasSubstr("never touched")));
   EXPECT_THAT(words, Not(HasSubstr("check the hand's path")));
+}
+
+TEST(Verdict, OfNoContactNamesWhatKeptTheToolAway) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  facts.mofc.contact_ticks = 0;
+  facts.device_rate_hz = 1'000.0;
+  facts.duration_s = 17.0;
+  facts.has_tissue = true;
+  EXPECT_EQ(cause_of(judge(facts)), "run_short");
+  facts.clutched_ticks = 9'000;
+  EXPECT_EQ(cause_of(judge(facts)), "clutched");
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("clutch_button"));
+  facts.has_tissue = false;
+  EXPECT_EQ(cause_of(judge(facts)), "no_tissue");
+  facts.has_tissue = true;
+  facts.clutched_ticks = 0;
+  facts.duration_s = 10.0;
+  EXPECT_EQ(cause_of(judge(facts)), "path");
+}
+
+// nothing but what the run itself shows: a net behind a controller changes nothing about it
+TEST(Verdict, JudgesTheClampedShareBehindASafetyNet) {
+  VerdictCase one;
+  one.trouble = [](TroubledRun& run) { run.mofc.clamped_ticks = 2'700; };
+  one.settings = {"mofc.controller=energy_bounding", "mofc.safety_net=true"};
+  const std::vector<RunFinding> findings = judge(lockstep_facts(run_of(one)));
+  EXPECT_THAT(words_of(findings), HasSubstr("54 % of the contact was clamped"));
+  EXPECT_EQ(cause_of(findings), "controller") << words_of(findings);
+}
+
+/// Physics in real time that made 614 of 1,000 steps a second.
+RunFacts slow_physics() {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  facts.is_in_real_time = true;
+  facts.physics_rate_hz = 1'000.0;
+  facts.physics_hz = 614.0;
+  facts.physics.worst_compute_time = std::chrono::microseconds(1'500);
+  return facts;
+}
+
+TEST(Verdict, OfAPhysicsThatStoodStillDoesNotBlameItsSteps) {
+  RunFacts facts = slow_physics();
+  facts.physics_busy_ratio = 0.02;
+  facts.physics_gap_s = 1.4;
+  facts.physics_gap_ratio = 0.37;
+  EXPECT_EQ(cause_of(judge(facts)), "physics_paused");
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("no step for 1.4 s"));
+  facts.mofc.stale_ticks = 1'500;  // and longer than its force holds
+  EXPECT_EQ(cause_of(judge(facts)), "physics_silent");
+  EXPECT_THAT(words_of(judge(facts)), Not(HasSubstr("simplify the scene")));
+}
+
+TEST(Verdict, OfAPhysicsThatHadToWaitForAProcessorBlamesTheMachine) {
+  RunFacts facts = slow_physics();
+  facts.physics_busy_ratio = 0.1;
+  EXPECT_EQ(cause_of(judge(facts)), "machine_late") << words_of(judge(facts));
+  EXPECT_THAT(words_of(judge(facts)), Not(HasSubstr("simplify the scene")));
+  facts.physics_busy_ratio = 0.95;
+  EXPECT_EQ(cause_of(judge(facts)), "physics_slow");
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("up to 1.5 ms: simplify the scene"));
+}
+
+// a step for each answer, however many there could be
+TEST(Verdict, OfAPhysicsThatIsWaitedForJudgesWhetherItCame) {
+  RunFacts facts = slow_physics();
+  facts.waits_for_physics = true;
+  facts.physics_hz = 100.0;
+  EXPECT_EQ(grade_of(judge(facts)), Grade::kGood) << words_of(judge(facts));
+  facts.mofc.late_physics_ticks = 4'000;
+  EXPECT_EQ(cause_of(judge(facts)), "physics_slow");
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("too late in 40 % of the ticks"));
+}
+
+// as it wakes, it takes what it finds for the newest
+TEST(Verdict, OfAClampThatWasStoppedDoesNotBlameThePhysics) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  facts.is_in_real_time = true;
+  facts.device.answered_ticks -= 1'500;
+  facts.device.limp_ticks = 1'500;
+  facts.mofc.ticks = 8'500;
+  facts.mofc.stale_ticks = 1'275;
+  EXPECT_EQ(cause_of(judge(facts)), "mofc_paused") << words_of(judge(facts));
+  facts.mofc.stale_ticks = 3'000;
+  EXPECT_EQ(cause_of(judge(facts)), "physics_silent") << words_of(judge(facts));
+}
+
+// launch counts its starts, a recording cannot
+TEST(Verdict, OfAPhysicsThatNeverSpokeSaysSoHoweverOftenItWasStarted) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  facts.mofc.interaction = {};
+  facts.mofc.contact_ticks = 0;
+  facts.physics_node = {.is_heard = false, .restarts = 3};
+  EXPECT_EQ(cause_of(judge(facts)), "physics_silent");
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("started 4 times"));
 }
 
 TEST(Verdict, SaysLocalOnlyWhereItIsNotSet) {

@@ -65,6 +65,70 @@ TEST(RunFigures, CountFromTheFirstBatch) {
   EXPECT_EQ(late.device.device_faults, 1u);
 }
 
+// the counters are read before the records are taken: a tick between is missing from them
+TEST(RunFigures, CountNoFewerTicksThanWereReceived) {
+  RunFigures figures;
+  figures.is_part = true;
+  for (std::uint64_t batch = 40; batch < 43; ++batch) {
+    DeviceBatch device = device_batch(batch, 100 * batch, 100 * batch + 99);
+    if (batch == 42) device.counters.loop.ticks -= 1;
+    figures.add(device);
+  }
+  EXPECT_EQ(figures.device.loop.ticks, 300u);
+}
+
+// a replay goes through the same starts of the nodes again and again
+TEST(ObservedVerdict, OfAReplayNamesTheRestartsOfTheRun) {
+  TelemetryMirror mirror;
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    const TimePoint now = time_of_tick(10'000 * i);
+    mirror.take(device_batch(0, 0, 9), now);
+    mirror.take(device_batch(0, 0, 9, kDeviceSession + 1), now + std::chrono::seconds(5));
+    mirror.take(mofc_batch(0, 0, 9), now);
+    mirror.take(physics_batch(0, 0, 9), now);
+  }
+  RunFacts facts = facts_of(RunFacts{}, mirror, {});
+  leave_out_runs(facts, mirror);
+  EXPECT_EQ(facts.device_node.restarts, 1u);
+  EXPECT_EQ(facts.mofc_node.restarts, 0u);
+}
+
+// in a recording of several runs
+TEST(ObservedVerdict, NamesNoRestartWhereAnotherRunBegan) {
+  TelemetryMirror mirror;
+  for (std::uint64_t run = 0; run < 2; ++run) {
+    mirror.take(device_batch(0, 0, 9, kDeviceSession + run), time_of_tick(10));
+    mirror.take(mofc_batch(0, 0, 9, kDeviceSession + run, kMofcSession + run), time_of_tick(10));
+    mirror.take(physics_batch(0, 0, 9, kPhysicsSession + run), time_of_tick(10));
+  }
+  mirror.take(physics_batch(0, 0, 9, kPhysicsSession + 2), time_of_tick(10));
+  RunFacts facts = facts_of(RunFacts{}, mirror, {});
+  leave_out_runs(facts, mirror);
+  EXPECT_EQ(facts.device_node.restarts, 0u);
+  EXPECT_EQ(facts.mofc_node.restarts, 0u);
+  EXPECT_EQ(facts.physics_node.restarts, 1u);
+}
+
+// but for the gap, its steps were quick
+TEST(RunFigures, MeasureHowLongThePhysicsStoodStill) {
+  RunFigures figures;
+  figures.add(physics_batch(0, 0, 999));
+  PhysicsBatch later = physics_batch(1, 1000, 1999);
+  for (PhysicsTick& tick : later.records) tick.stepped_at += std::chrono::milliseconds(1400);
+  figures.add(later);
+  EXPECT_EQ(figures.physics_gap, std::chrono::milliseconds(1401));
+  EXPECT_NEAR(figures.physics_busy_ratio(), 0.003 * 1999 / 3399, 1e-9);
+}
+
+TEST(RunFigures, CountTheAnswersToAClutchedHand) {
+  RunFigures figures;
+  MofcBatch mofc = mofc_batch(0, 0, 9);
+  for (MofcTick& tick : mofc.records) tick.state = MofcState::kClutched;
+  figures.add(mofc);
+  figures.add(mofc);  // twice
+  EXPECT_EQ(figures.clutched_ticks, 10u);
+}
+
 // 3 s of loading do not make a physics slow; a stop of 3 s does
 TEST(RunFigures, MeasureTheRateOfThePhysicsWhileItRuns) {
   RunFigures figures;

@@ -117,10 +117,11 @@ TEST(TelemetryMirror, ANodeThatSpeaksAgainIsHeardOnceTheOtherIsGone) {
   mirror.take(device_batch(0, 0, 9, 12), kArrival + std::chrono::seconds(1));
   first.header.sequence = 1;
   mirror.take(first, kArrival + std::chrono::milliseconds(2900));
-  EXPECT_EQ(mirror.device_link().sessions, 2U);
+  EXPECT_EQ(mirror.device_link().heard_at, kArrival + std::chrono::seconds(1));
   first.header.sequence = 2;
   mirror.take(first, kArrival + std::chrono::milliseconds(3100));
-  EXPECT_EQ(mirror.device_link().sessions, 3U);
+  EXPECT_EQ(mirror.device_link().heard_at, kArrival + std::chrono::milliseconds(3100));
+  EXPECT_EQ(mirror.device_link().sessions, 2U);  // it was not restarted
 }
 
 TEST(TelemetryMirror, StartsAgainWithARestartedNodeAndRefusesTheOldOne) {
