@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <limits>
+#include <sstream>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -164,6 +167,27 @@ void examine_tissue(const Session& session, const TissueConfig& tissue,
   }
 }
 
+/// A name without '/' is looked up where the dynamic linker does. It is not opened: that would run
+/// code of it.
+bool is_library(const std::string& library) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (library.find('/') != std::string::npos) return fs::is_regular_file(library, error);
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
+  const char* path = std::getenv("LD_LIBRARY_PATH");
+  std::istringstream folders(std::string(path != nullptr ? path : "") +
+                             ":/lib:/lib64:/usr/lib:/usr/lib64:/usr/local/lib");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    if (folder.empty()) continue;
+    if (fs::exists(fs::path(folder) / library, error)) return true;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+      const bool is_of_machine = it->path().filename().string().ends_with("-linux-gnu");
+      if (is_of_machine && fs::exists(it->path() / library, error)) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 std::vector<std::string> session_warnings(const Session& session) {
@@ -196,13 +220,13 @@ std::vector<std::string> session_warnings(const Session& session) {
   std::error_code error;
   for (const Side& side : session.sides) {
     const auto* plugin = std::get_if<PluginConfig>(&side.driver);
-    if (plugin == nullptr || plugin->library.find('/') == std::string::npos ||
-        std::filesystem::is_regular_file(plugin->library, error)) {
-      continue;
-    }
+    if (plugin == nullptr || is_library(plugin->library)) continue;
     warnings.push_back("device.plugin.library: " + plugin->library +
-                       ": no such library; build it, or give its path, relative to the folder of "
-                       "the session");
+                       (plugin->library.find('/') == std::string::npos
+                            ? ": in no folder of system libraries; one beside the session is ./"
+                            : ": no such library; build it, or give its path, relative to the "
+                              "folder of the session") +
+                       (plugin->library.find('/') == std::string::npos ? plugin->library : ""));
   }
   const std::string& keys = session.security.key_folder;
   if (!keys.empty() && !std::filesystem::is_directory(keys, error)) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
@@ -100,9 +102,10 @@ void LaunchCommand::add_to(CLI::App& app) {
       ->excludes(chosen);
 }
 
-/// A person at a terminal wants figures; files, services and -v get every event.
+/// A person at a terminal, whatever it can do, wants figures; files, services and -v get every
+/// event.
 bool has_short_log(const Verbosity& verbosity) {
-  return verbosity.is_quiet || (!verbosity.is_verbose && is_terminal(STDERR_FILENO));
+  return verbosity.is_quiet || (!verbosity.is_verbose && isatty(STDERR_FILENO) == 1);
 }
 
 /// One for each side, or none.

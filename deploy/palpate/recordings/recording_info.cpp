@@ -108,7 +108,7 @@ std::string info_text(RecordingFile& recording) {
                   recording.about("controller"), recording.length_s(),
                   static_cast<double>(mcap.file_bytes()) * 1e-6);
   const auto line = [&](const std::string& label, const std::string& value) {
-    text += fmt::format("  {:<24}{}\n", label, value);
+    text += fmt::format("  {:<23} {}\n", label, value);
   };
   line("recorded by", recording.about("recorded_by") + ", version " + recording.about("version"));
   line("session file", recording.about("session_file"));

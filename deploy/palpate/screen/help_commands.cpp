@@ -59,14 +59,22 @@ int explain_term(const std::string& term) {
   }
   const std::size_t terminal = terminal_columns(STDOUT_FILENO);
   const std::size_t columns = terminal > 0 ? terminal : kTextColumns;
+  const auto print_material = [&](const TissueMaterial& material) {
+    char value[40];  // NOLINT: for snprintf
+    std::snprintf(value, sizeof value, "E = %.3g kPa; ", 1e-3 * material.young_pa);
+    print(std::string(material.name) + "  (material of a session)\n" +
+          wrapped(value + source_of(material), columns));
+  };
   if (term == "materials") {
-    print(materials_table());
+    if (terminal == 0) {  // a table for documents is too wide for people
+      print(materials_table());
+    } else {
+      for (const TissueMaterial& material : tissue_materials()) print_material(material);
+    }
     return 0;
   }
   if (const TissueMaterial* material = material_named(term)) {
-    char value[40];  // NOLINT: for snprintf
-    std::snprintf(value, sizeof value, "E = %.3g kPa; ", 1e-3 * material->young_pa);
-    print(term + "  (material of a session)\n" + wrapped(value + source_of(*material), columns));
+    print_material(*material);
     return 0;
   }
   const std::vector<GlossaryEntry> found = explain(entries, term);
