@@ -142,7 +142,9 @@ Cause Causes::of_no_answer(double unanswered) const {
        {SimulatedAt::kExchange, SimulatedAt::kClamp, SimulatedAt::kDevice}) {
     if (const auto cause = simulated(place, unanswered)) return *cause;
   }
-  if (f_.device.late_switches > 0) {
+  const std::uint64_t scheduled = f_.device.loop.ticks + f_.device.loop.skipped_ticks;
+  const double late = ratio(f_.device.late_switches, scheduled);
+  if (late > 0.0 && late >= unanswered / kAftermath) {
     return {"late_switch", fmt::format("{} forces began after their deadline; run `palpate doctor`",
                                        f_.device.late_switches)};
   }

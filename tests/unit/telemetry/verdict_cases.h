@@ -469,11 +469,17 @@ inline std::vector<VerdictCase> verdict_cases() {
        "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
        {"mofc.velocity_estimator={difference {}}"}},
-      {"a clamp that was stopped for a while",
+      {"switches that come late", "late_switch", "200 forces", "fair",
+       [](TroubledRun& run) {
+         run.device.late_switches = 200;
+         unanswered(run, 200);
+       }},
+      {"a clamp that was stopped for a while, and a late switch",
        "mofc_paused",
        "2 s in all",
        "bad",
        [](TroubledRun& run) {
+         run.device.late_switches = 1;
          run.device.answered_ticks -= 2'010;
          run.device.leased_ticks = 10;
          run.device.limp_ticks = 2'000;
