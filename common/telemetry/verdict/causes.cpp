@@ -172,15 +172,14 @@ Cause Causes::of_silent_physics(double silent) const {
 }
 
 Cause Causes::of_slow_physics(double missing) const {
-  const double worst_s = to_seconds(f_.physics.worst_compute_time);
   if (f_.waits_for_physics) {
     if (const auto cause = simulated(SimulatedAt::kPhysics, missing)) return *cause;
   }
-  if (f_.physics_gap_ratio >= kMostlyOneHole * missing && f_.physics_gap_s > 2.0 * worst_s) {
+  if (f_.physics_gap_ratio >= kMostlyOneHole * missing) {
     if (const auto cause = found({"physics_silent"})) return *cause;
     return {"physics_paused",
-            fmt::format("physics_node made no step for {:.2g} s at a stretch: it was stopped, or "
-                        "kept from its processor (`palpate doctor`)",
+            fmt::format("physics_node made no step for {:.2g} s at a stretch: it was stopped, kept "
+                        "from its processor (`palpate doctor`), or one step took so long",
                         f_.physics_gap_s)};
   }
   if (const auto cause = found({"physics_silent"}, kMostlySilent * missing)) return *cause;
@@ -191,6 +190,7 @@ Cause Causes::of_slow_physics(double missing) const {
                         "`palpate doctor`, stop other programs",
                         percent(f_.physics_busy_ratio))};
   }
+  const double worst_s = to_seconds(f_.physics.worst_compute_time);
   return {"physics_slow",
           (worst_s > 0.0 ? fmt::format("its steps took up to {:.1f} ms: ", 1e3 * worst_s) : "") +
               "simplify the scene, lower physics.rate_hz, or give it a processor of its own"};

@@ -194,7 +194,7 @@ class Judge {
 
   void judge_nodes() {
     const auto restarted = [&](const char* what, const char* node, std::uint64_t restarts,
-                               std::optional<Cause> simulated = {}) {
+                               const std::optional<Cause>& simulated = std::nullopt) {
       if (restarts == 0) return;
       add(Grade::kBad, what,
           fmt::format("{} was restarted {}", node,

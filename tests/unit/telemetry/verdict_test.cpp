@@ -223,6 +223,8 @@ TEST(Verdict, OfAPhysicsThatStoodStillDoesNotBlameItsSteps) {
   facts.physics_gap_ratio = 0.37;
   EXPECT_EQ(cause_of(judge(facts)), "physics_paused");
   EXPECT_THAT(words_of(judge(facts)), HasSubstr("no step for 1.4 s"));
+  facts.physics.worst_compute_time = std::chrono::milliseconds(1'400);  // in the middle of a step
+  EXPECT_EQ(cause_of(judge(facts)), "physics_paused");
   facts.mofc.stale_ticks = 1'500;  // and longer than its force holds
   EXPECT_EQ(cause_of(judge(facts)), "physics_silent");
   EXPECT_THAT(words_of(judge(facts)), Not(HasSubstr("simplify the scene")));
