@@ -49,8 +49,9 @@ struct KeyPress {
 
 /// Everything that palpate writes to a terminal of so many columns.
 /// @param keys  pressed one after the other
+/// @param kind  what TERM says
 std::string on_terminal(const Arguments& arguments, unsigned short columns,
-                        const std::vector<KeyPress>& keys) {
+                        const std::vector<KeyPress>& keys, const char* kind = "xterm") {
   winsize size{.ws_row = 24, .ws_col = columns, .ws_xpixel = 0, .ws_ypixel = 0};
   const std::string program = PALPATE_BINARY_DIR "/palpate";
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
@@ -59,7 +60,7 @@ std::string on_terminal(const Arguments& arguments, unsigned short columns,
   int terminal = -1;
   const pid_t child = forkpty(&terminal, nullptr, nullptr, &size);
   if (child == 0) {
-    setenv("TERM", "xterm", 1);
+    setenv("TERM", kind, 1);
     execv(argv[0], argv.data());
     _exit(127);
   }
@@ -146,6 +147,13 @@ TEST_F(Screen, OfALaunchBeginsWithThePageAndItsStatusFits) {
     if (line.find("event=") == std::string::npos) continue;
     EXPECT_THAT(line, StartsWith("20")) << "a log line begins with its date";
   }
+}
+
+TEST_F(Screen, OfALaunchHasNoEventsOfTheLogThoughTheTerminalIsDumb) {
+  const std::string text = on_terminal(
+      {"launch", kDefault, "--no-realtime", "--no-viewer", "--seconds", "1"}, 80, {}, "dumb");
+  EXPECT_THAT(text, HasSubstr("in real time"));
+  EXPECT_THAT(text, Not(HasSubstr("event=node_started")));
 }
 
 TEST_F(Screen, OfALaunchTakesMarkers) {

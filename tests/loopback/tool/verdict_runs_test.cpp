@@ -63,7 +63,7 @@ class VerdictRuns : public testing::TestWithParam<Case> {
     std::vector<RunFinding> loopback;
     json recording;
   };
-  Told run(std::vector<std::string> settings) const {
+  Told run(const std::vector<std::string>& settings) const {
     const Session session = load_session(folder_.write("run.txtpb", GetParam().text), settings);
     const std::string file = (folder_.path() / "run.mcap").string();
     LoopbackOptions options;

@@ -16,9 +16,11 @@ namespace {
 
 using testing::AllOf;
 using testing::Contains;
+using testing::Each;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 using testing::StartsWith;
 
 namespace fs = std::filesystem;
@@ -73,10 +75,18 @@ TEST(SessionWarnings, NameWhatIsProbablyNotMeant) {
            {"a library that is not there",
             {"device.plugin={ library: \"./no_such.so\" }"},
             "no_such.so: no such library"},
+           {"a library that the system does not have",
+            {"device.plugin={ library: \"no_such.so\" }"},
+            "beside the session is ./no_such.so"},
            {"spinning on a shared processor", {"realtime.wait=spin"}, "realtime.wait = spin"},
        }) {
     EXPECT_THAT(warnings_with(one.overrides), ElementsAre(HasSubstr(one.words))) << one.description;
   }
+}
+
+TEST(SessionWarnings, OfALibraryOfTheSystemAreNone) {
+  EXPECT_THAT(warnings_with({"device.plugin={ library: \"libc.so.6\" }"}),
+              Each(Not(HasSubstr("library"))));
 }
 
 TEST(SessionWarnings, OfAnElasticBodyInKilopascal) {
