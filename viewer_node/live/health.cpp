@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/live/health.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
@@ -88,8 +90,8 @@ void WebHealth::tell_verdicts() {
     std::replace(text.begin(), text.end(), '"', '\'');
     const std::string& side = session_.sides[i].name;
     log_.write(grade == Grade::kGood ? LogLevel::kInfo : LogLevel::kWarning, "viewer_node",
-               std::string("event=verdict ") + (side.empty() ? "" : "side=" + side + " ") +
-                   "grade=" + name(grade) + " text=\"" + text + "\"");
+               fmt::format("event=verdict {}grade={} text=\"{}\"",
+                           side.empty() ? "" : "side=" + side + " ", name(grade), text));
   }
 }
 
