@@ -15,7 +15,6 @@
 #include "common/process/realtime.h"
 #include "common/session/file/profile_file.h"
 #include "common/session/session_file.h"
-#include "deploy/palpate/options.h"
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/identification/friction_identification.h"
 
@@ -154,7 +153,6 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   if (!profile) return;
   const std::string text = text_of(found, specification, report.lines.size());
   if (!profile->write(text) || !profile->close()) throw std::runtime_error(profile->complaint());
-  say_written({options.profile_file}, {});
 }
 
 }  // namespace palpate

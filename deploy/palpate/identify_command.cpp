@@ -34,13 +34,14 @@ struct IdentifyCommand {
                  "program stops; keep a hand at the power switch");
   }
 
-  int run() const {
+  int run(const Verbosity& verbosity) const {
     // the session may include the profile that this command is about to write
     std::vector<std::string> overrides = session.overrides;
     overrides.emplace_back("device.profile_file=");
     const Session loaded = with_only_side(load_session(session.file, overrides), side);
     require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted);
     run_identify(loaded, options);
+    say_written({options.profile_file}, verbosity);
     return 0;
   }
 };
