@@ -395,7 +395,8 @@ class Judge {
     }
     judge_whether_felt();
     if (!f_.is_limited) return;  // other controllers change every force
-    const double clamped = ratio(mofc.clamped_ticks, mofc.contact_ticks);
+    // also after contact, where a controller asks for force there
+    const double clamped = std::min(1.0, ratio(mofc.clamped_ticks, mofc.contact_ticks));
     const Grade grade = grade_above(clamped, kFairRatio, kBadRatio);
     if (grade == Grade::kGood) {
       good("clamped", "the clamp left " + percent(1.0 - clamped) + " of the contact as it is");

@@ -204,6 +204,9 @@ TEST(Verdict, JudgesTheClampedShareBehindASafetyNet) {
   const std::vector<RunFinding> findings = judge(lockstep_facts(run_of(one)));
   EXPECT_THAT(words_of(findings), HasSubstr("54 % of the contact was clamped"));
   EXPECT_EQ(cause_of(findings), "controller") << words_of(findings);
+  one.trouble = [](TroubledRun& run) { run.mofc.clamped_ticks = 7'450; };  // of 5,000 in contact
+  EXPECT_THAT(words_of(judge(lockstep_facts(run_of(one)))),
+              HasSubstr("100 % of the contact was clamped"));
 }
 
 /// Physics in real time that made 614 of 1,000 steps a second.
