@@ -2,9 +2,8 @@
 // The drivers of real devices and the vices of hardware: the table of docs/devices.md, and many
 // random runs of hardware with vices in memory.
 //   vices_bench            the table, as Markdown
-//   vices_bench RUNS       so many random runs within the claim; a tenth as many with simple books
-//   (the
-//                          twin) and with stalls
+//   vices_bench RUNS       so many random runs within the claim; a tenth as many with simple books,
+//                          the twin, and beyond the claim
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -29,6 +28,7 @@ using namespace std::chrono_literals;
 using device::WireFault;
 using test::WiredDriver;
 
+constexpr double kRoundingJoule = 1e-6;
 constexpr double kFrom_s = 0.5;
 constexpr double kLength_s = 0.5;
 // Of what is there as the device is enabled: after it was opened, and until then at most.
@@ -195,17 +195,42 @@ void print_runs(const char* what, std::uint64_t runs,
                 test::Books books = test::Books::kTrue) {
   double least = 0.0;
   double unbooked = 0.0;
+  std::uint64_t leaks = 0;
+  std::uint64_t faults = 0;
+  std::uint64_t pushed = 0;    // runs with a force above f_co
+  std::vector<double> beyond;  // of each run, the share of its ticks with a force above f_co
+  std::vector<double> newton;
+  std::vector<double> joule;
   for (std::uint64_t seed = 1; seed <= runs; ++seed) {
     const test::VicedResult result = test::run_with_vices(make_run(seed), books, seed);
     least = std::min(least, result.least_true_joule);
     unbooked = std::max(unbooked, result.most_unbooked_joule);
-    if (seed % 1000 == 0) {
+    if (result.least_true_joule < -kRoundingJoule) ++leaks;
+    faults += result.faults;
+    if (result.ticks_beyond_friction > 0) ++pushed;
+    beyond.push_back(static_cast<double>(result.ticks_beyond_friction) /
+                     static_cast<double>(result.ticks));
+    newton.push_back(result.mean_force_newton);
+    joule.push_back(result.most_true_joule);
+    if (seed % 10'000 == 0) {
       std::fprintf(stderr, "%s: %llu runs, so far %.3g µJ\n", what,
                    static_cast<unsigned long long>(seed), 1e6 * least);
     }
   }
-  std::printf("%s: %llu runs, least true energy %.3g µJ, books above it by at most %.3g µJ\n", what,
-              static_cast<unsigned long long>(runs), 1e6 * least, 1e6 * unbooked);
+  const auto quantile = [](std::vector<double>& values, double q) {
+    const auto nth =
+        values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+    std::nth_element(values.begin(), nth, values.end());
+    return *nth;
+  };
+  std::printf("| %s | %llu | %.1f | %llu | %.0f | %llu |", what,
+              static_cast<unsigned long long>(runs), 1e6 * least + 0.0,
+              static_cast<unsigned long long>(leaks), 1e6 * unbooked + 0.0,
+              static_cast<unsigned long long>(faults));
+  std::printf(" %.1f %% | %.1f, %.0f %% | %.2f, %.2f N | %.1f, %.0f mJ |\n",
+              1e2 * static_cast<double>(pushed) / static_cast<double>(runs),
+              1e2 * quantile(beyond, 0.5), 1e2 * quantile(beyond, 0.95), quantile(newton, 0.5),
+              quantile(newton, 0.95), 1e3 * quantile(joule, 0.5), 1e3 * quantile(joule, 0.95));
   std::fflush(stdout);
 }
 
@@ -224,11 +249,16 @@ int main(int argc, char** argv) {
                  argv[1]);
     return 2;
   }
-  palpate::bench::print_runs("within the claim", runs, palpate::test::random_run_within_the_claim);
-  palpate::bench::print_runs("the same, simple books", std::max<std::uint64_t>(1, runs / 10),
-                             palpate::test::random_run_within_the_claim,
-                             palpate::test::Books::kSimple);
-  palpate::bench::print_runs("with stalls", std::max<std::uint64_t>(1, runs / 10),
-                             palpate::test::random_run_with_stalls);
+  using palpate::bench::print_runs;
+  using palpate::test::Books;
+  std::printf(
+      "| runs | number | least true energy, µJ | runs below −1 µJ | books above it, µJ | faults | "
+      "runs with a force above f_co | ticks above f_co | mean force | most energy of the hand |\n"
+      "|---|---|---|---|---|---|---|---|---|---|\n");
+  print_runs("within the claim", runs, palpate::test::random_run_within_the_claim);
+  const std::uint64_t fewer = std::max<std::uint64_t>(1, runs / 10);
+  print_runs("the same, simple books", fewer, palpate::test::random_run_within_the_claim,
+             Books::kSimple);
+  print_runs("beyond it", fewer, palpate::test::random_run_with_stalls);
   return 0;
 }

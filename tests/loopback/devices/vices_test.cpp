@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <cstdio>
 
@@ -24,6 +25,8 @@ struct Worst {
   double largest_newton = 0.0;
   std::uint64_t runs = 0;
   std::uint64_t pushed = 0;
+  std::uint64_t fallback = 0;
+  std::uint64_t faults = 0;
 
   void add(const VicedResult& result) {
     ++runs;
@@ -31,6 +34,8 @@ struct Worst {
     unbooked_joule = std::max(unbooked_joule, result.most_unbooked_joule);
     largest_newton = std::max(largest_newton, result.largest_force_newton);
     pushed += result.ticks_beyond_friction;
+    fallback += result.fallback_ticks;
+    faults += result.faults;
   }
   void print(const char* what) const {
     std::printf(
@@ -63,9 +68,13 @@ TEST(Vices, NoHandReceivesEnergyWithinTheClaim) {
                [](const VicedResult& result, std::uint64_t seed) {
                  EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
                  EXPECT_LE(result.most_unbooked_joule, kRoundingJoule) << "seed=" << seed;
-                 EXPECT_EQ(result.faults, 0U) << "seed=" << seed;
+                 if (random_run_within_the_claim(seed).drops_per_message == 0.0) {
+                   EXPECT_EQ(result.faults, 0U) << "seed=" << seed;
+                 }
                });
   EXPECT_GT(worst.pushed, 1000U) << "forces act at all";
+  EXPECT_GT(worst.faults, 50U) << "answers were lost, and a person acknowledged";
+  EXPECT_GT(worst.fallback, 100U);
 }
 
 TEST(VicesTwin, BooksThatIgnoreThemLeakWithinTheClaim) {
@@ -87,6 +96,78 @@ TEST(VicesTwin, SimpleBooksAreFarAboveTheTruthAfterStalls) {
   EXPECT_GT(all_runs("stalls, simple books", 100, Books::kSimple, random_run_with_stalls, kAny)
                 .unbooked_joule,
             5e-3);
+}
+
+constexpr auto kIsBooked = [](const VicedResult& result, std::uint64_t seed) {
+  EXPECT_LE(result.most_unbooked_joule, kRoundingJoule) << "seed=" << seed;
+};
+
+VicedRun that_sleeps(std::uint64_t seed) {
+  VicedRun run = random_run_within_the_claim(seed);
+  run.vices.watchdog = device::HardwareVices::kNever;
+  run.sleeps_per_tick = 2e-3;
+  run.longest_sleep = std::chrono::seconds(2);
+  return run;
+}
+
+// The motors go on while the machine sleeps, and the clock does not count it.
+TEST(Vices, WhatASleepOfTheMachineCostsIsBooked) {
+  const Worst worst = all_runs("sleeps", 60, Books::kTrue, that_sleeps, kIsBooked);
+  EXPECT_GT(worst.pushed, 100U);
+  EXPECT_GT(worst.faults, 60U) << "each sleep is a fault";
+}
+
+TEST(VicesTwin, SimpleBooksAreAboveTheTruthAfterASleep) {
+  EXPECT_GT(all_runs("sleeps, simple books", 60, Books::kSimple, that_sleeps, kAny).unbooked_joule,
+            5e-3);
+}
+
+VicedRun whose_releases_fail(std::uint64_t seed) {
+  VicedRun run = random_run_within_the_claim(seed);
+  run.vices.watchdog = device::HardwareVices::kNever;
+  run.drops_per_message = 2e-3;
+  run.failed_releases = 0.95;
+  return run;
+}
+
+// The motors go on until the release is confirmed, some ten ticks later.
+TEST(Vices, WhatAReleaseThatFailsCostsIsBooked) {
+  const Worst worst =
+      all_runs("releases that fail", 60, Books::kTrue, whose_releases_fail, kIsBooked);
+  EXPECT_GT(worst.pushed, 100U);
+  EXPECT_GT(worst.faults, 60U);
+}
+
+TEST(VicesTwin, SimpleBooksAreAboveTheTruthAfterAReleaseThatFailed) {
+  EXPECT_GT(
+      all_runs("releases that fail, simple books", 60, Books::kSimple, whose_releases_fail, kAny)
+          .unbooked_joule,
+      5e-3);
+}
+
+/// Coarse motors behind friction that a rounded fallback exceeds, and little else.
+VicedRun that_rounds(std::uint64_t seed) {
+  VicedRun run;
+  run.count_newton = 0.3;
+  run.coulomb_newton = 0.17;  // rounds to more
+  run.viscous_newton_s_per_m = 0.02;
+  run.resolution_m = 1e-5;
+  run.silences_per_tick = 0.02 + 1e-4 * static_cast<double>(seed % 10);
+  return run;
+}
+
+TEST(Vices, RoundingOfTheFallbackGivesTheHandNoEnergy) {
+  const Worst worst = all_runs(
+      "rounding", 60, Books::kTrue, that_rounds, [](const VicedResult& result, std::uint64_t seed) {
+        EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
+        kIsBooked(result, seed);
+      });
+  EXPECT_GT(worst.fallback, 1000U);
+}
+
+TEST(VicesTwin, RoundedToTheNearestTheFallbackLeaks) {
+  EXPECT_LT(all_runs("rounding to the nearest", 60, Books::kSimple, that_rounds, kAny).least_joule,
+            -1e2 * kRoundingJoule);
 }
 
 // Without the acceptance of the session the force stays at f_co: whatever the process does.

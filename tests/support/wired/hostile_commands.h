@@ -9,7 +9,8 @@
 
 namespace palpate::test {
 
-/// Pushes along the hand's motion, against it or anywhere, with any force, for as long as it may.
+/// Pushes against the hand's motion, so that it puts energy in, then along it or anywhere, with any
+/// force, for as long as it may.
 class HostileCommands {
  public:
   HostileCommands(std::uint64_t seed, double most_newton)
@@ -21,7 +22,7 @@ class HostileCommands {
     if (moved.norm() > 0.0) way_ = moved.normalized();
     if (left_-- == 0) {
       left_ = 1 + random_.below(60);
-      kind_ = random_.below(4);
+      kind_ = random_.below(6);
       newton_ =
           random_.chance(0.2) ? random_.uniform(0.0, 0.3) : random_.uniform(0.3, most_newton_);
       direction_ = random_.direction();
@@ -30,6 +31,8 @@ class HostileCommands {
       case 0:
         return newton_ * way_;
       case 1:
+      case 2:
+      case 3:
         return -newton_ * way_;
       default:
         return newton_ * direction_;

@@ -22,6 +22,19 @@ using device::Transfer;
 constexpr double kPeakNewton = 3.3;
 constexpr Duration kPastStep = 100us;  // of Hardware: how much older than its latency a position is
 
+/// The hardware's time: it goes on while the machine sleeps.
+class WakefulClock final : public Clock {
+ public:
+  explicit WakefulClock(const Clock& clock) : clock_(clock) {}
+  [[nodiscard]] TimePoint now() const noexcept override { return clock_.now() + slept_; }
+  void sleep_until(TimePoint /*deadline*/) override {}
+  void slept(Duration duration) { slept_ += duration; }
+
+ private:
+  const Clock& clock_;
+  Duration slept_{};
+};
+
 /// Each axis is a motor whose angle is θ = x + κx²/2: its force is τ (1 + κx).
 template <Books books>
 class VicedArm final : public device::WireDevice, public device::TrueStateSource {
@@ -30,12 +43,15 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
            std::uint64_t seed)
       : WireDevice({.peak_force_newton = kPeakNewton, .continuous_force_newton = kPeakNewton},
                    clock),
-        hardware_(simulated, hand, clock, seed) {
+        wakeful_(clock),
+        hardware_(simulated, hand, wakeful_, seed),
+        random_(seed + 2) {
     set_specification({.model_name = "arm with vices",
                        .workspace_half_extent_m = Vector3::Constant(0.05),
                        .peak_force_newton = kPeakNewton,
                        .continuous_force_newton = kPeakNewton,
                        .position_resolution_m = simulated.position_resolution_m,
+                       .button_count = 1,
                        .has_motor_watchdog = books == Books::kSimple});
     set_calibrated();
   }
@@ -44,7 +60,13 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
     hardware_.set(run.vices);
     turning_per_m_ = run.turning_per_m;
     count_newton_ = run.count_newton;
+    drops_per_message_ = run.drops_per_message;
+    failed_releases_ = run.failed_releases;
   }
+  /// The dead-man button, or the grip that has it.
+  void hold(bool is_held) { is_held_ = is_held; }
+  /// The machine sleeps, the hardware does not.
+  void sleep(Duration duration) { wakeful_.slept(duration); }
   [[nodiscard]] device::TrueState true_state() const noexcept override {
     return hardware_.true_state();
   }
@@ -60,13 +82,20 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
     return Vector3::Ones() + turning_per_m_ * hand_m;
   }
   Transfer exchange(const Vector3& force_newton, DeviceSample& sample) noexcept override {
+    const bool is_dropped = random_.chance(drops_per_message_);
+    if (is_dropped && random_.chance(0.5)) return Transfer::kTimeout;
     const Vector3 gain_now = gain(angles_of_m_);
     Vector3 torque = force_newton.cwiseQuotient(gain_now);
     Vector3 made_newton = force_newton;
     if (count_newton_ > 0.0) {
       Vector3 counts = torque / count_newton_;
-      made_newton = device::round_counts(counts, Matrix3(count_newton_ * gain_now.asDiagonal()),
-                                         allowed_newton());
+      const Matrix3 newton_per_count = count_newton_ * gain_now.asDiagonal();
+      if (books == Books::kTrue) {
+        made_newton = device::round_counts(counts, newton_per_count, allowed_newton());
+      } else {
+        counts = counts.array().round();
+        made_newton = newton_per_count * counts;
+      }
       torque = count_newton_ * counts;
     }
     const DeviceSample answer = turning_per_m_ == 0.0
@@ -74,8 +103,10 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
                                     : hardware_.switch_to([this, torque](const Vector3& hand_m) {
                                         return Vector3(torque.cwiseProduct(gain(hand_m)));
                                       });
+    if (is_dropped) return Transfer::kTimeout;
     sample.hand_position_m = angles_of_m_ = answer.hand_position_m;
-    sample.applied_force_newton = made_newton;
+    sample.buttons = is_held_ ? 1 : 0;
+    sample.applied_force_newton = books == Books::kTrue ? made_newton : force_newton;
     if (books == Books::kTrue && turning_per_m_ != 0.0) {
       const Vector3 angles =
           angles_of_m_ + 0.5 * turning_per_m_ * angles_of_m_.cwiseProduct(angles_of_m_);
@@ -84,12 +115,18 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
     return Transfer::kDone;
   }
   Transfer release_once() noexcept override {
+    if (random_.chance(failed_releases_)) return Transfer::kTimeout;
     static_cast<void>(hardware_.switch_to(Vector3(Vector3::Zero())));
     held_.forget();
     return Transfer::kDone;
   }
 
+  WakefulClock wakeful_;
   device::Hardware hardware_;
+  Random random_;
+  double drops_per_message_ = 0.0;
+  double failed_releases_ = 0.0;
+  bool is_held_ = true;
   double turning_per_m_ = 0.0;
   double count_newton_ = 0.0;
   Vector3 angles_of_m_ = Vector3::Zero();
@@ -107,6 +144,7 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
                     .position_resolution_m = run.resolution_m};
   config.monitor = {.is_on = true, .v_max_m_per_s = 0.5};
   config.accepts_no_motor_watchdog = run.is_accepted;
+  if (run.has_dead_man_button) config.dead_man_button = 0;
   if (books == Books::kTrue && run.vices.sensing + run.vices.actuation > Duration::zero()) {
     config.latency = run.vices.sensing + run.vices.actuation + kPastStep;
   }
@@ -128,6 +166,7 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
 
   VicedResult result{.most_unbooked_joule = -std::numeric_limits<double>::infinity()};
   HostileCommands commands(seed + 1, kPeakNewton);
+  std::uint64_t silent_ticks = 0;
   bench.on_state = [&](const DeviceState& state) {
     const device::TrueState truth = bench.device.true_state();
     result.most_unbooked_joule =
@@ -135,21 +174,45 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
     result.top_speed_m_per_s =
         std::max(result.top_speed_m_per_s, truth.hand_velocity_m_per_s.norm());
     const Vector3 command = commands.next(state.hand_position_m);
-    if (random.chance(0.98)) {
+    if (random.chance(run.silences_per_tick)) silent_ticks = random.below(100);
+    if (silent_ticks > 0) {
+      --silent_ticks;
+    } else if (random.chance(0.98)) {
       bench.send_answer(state.header.session_id, state.header.sequence, command);
     }
   };
   const TimePoint end = TimePoint(from_seconds(run.seconds));
+  bool is_held = true;
   while (bench.clock.now() < end) {
+    if (run.has_dead_man_button && random.chance(is_held ? 0.005 : 0.02)) {
+      is_held = !is_held;
+      bench.device.hold(is_held);
+    }
+    // a person comes, finds out why, and acknowledges
+    if (bench.node.has_fault() && random.chance(0.05)) bench.node.acknowledge();
+    if (run.sleeps_per_tick > 0.0 && random.chance(run.sleeps_per_tick)) {
+      const Duration slept = from_seconds(random.uniform() * to_seconds(run.longest_sleep));
+      bench.device.sleep(slept);
+      bench.node.suspended(slept);
+    }
     if (run.stalls_per_tick > 0.0 && random.chance(run.stalls_per_tick)) {
       bench.clock.advance(from_seconds(random.uniform() * to_seconds(run.longest_stall)));
     }
     bench.tick();
+    // kilobytes each, and nobody reads them again
+    bench.states.clear();
+    bench.ticks.clear();
+    ++result.ticks;
     const double newton = bench.device.motor_newton().norm();
+    result.mean_force_newton += newton;
+    result.most_true_joule =
+        std::max(result.most_true_joule, bench.device.true_state().energy_joule);
     result.largest_force_newton = std::max(result.largest_force_newton, newton);
     if (newton > 1.01 * run.coulomb_newton) ++result.ticks_beyond_friction;
   }
+  result.mean_force_newton /= static_cast<double>(result.ticks);
   result.least_true_joule = bench.device.true_state().minimum_energy_joule;
+  result.fallback_ticks = bench.node.counters().fallback_ticks;
   result.faults = bench.node.counters().device_faults;
   return result;
 }
@@ -176,6 +239,9 @@ VicedRun random_run_within_the_claim(std::uint64_t seed) {
   run.coulomb_newton = random.chance(0.1) ? 0.0 : random.uniform(0.02, 0.26);
   run.viscous_newton_s_per_m = random.chance(0.1) ? 0.0 : random.uniform(0.02, 0.3);
   run.resolution_m = random.chance(0.2) ? 0.0 : random.uniform(5e-6, 2e-4);
+  if (random.chance(0.3)) run.drops_per_message = random.uniform(1e-4, 3e-3);
+  run.has_dead_man_button = random.chance(0.3);
+  if (random.chance(0.5)) run.silences_per_tick = random.uniform(1e-3, 2e-2);
   return run;
 }
 
@@ -184,6 +250,11 @@ VicedRun random_run_with_stalls(std::uint64_t seed) {
   Random random(seed + 7);
   run.stalls_per_tick = random.uniform(0.001, 0.05);
   run.longest_stall = from_seconds(random.uniform(1e-3, 60e-3));
+  if (random.chance(0.3)) run.failed_releases = random.uniform(0.0, 0.9);
+  if (random.chance(0.3)) {
+    run.sleeps_per_tick = random.uniform(1e-4, 2e-3);
+    run.longest_sleep = from_seconds(random.uniform(0.01, 2.0));
+  }
   return run;
 }
 

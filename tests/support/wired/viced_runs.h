@@ -22,6 +22,19 @@ struct VicedRun {
   /// command no device without a watchdog keeps the promise; what it costs is booked.
   double stalls_per_tick = 0.0;
   Duration longest_stall{};
+  /// The answer to a message is lost this often per message; the message itself every other time.
+  /// The device faults, and a person acknowledges it again within 50 ms.
+  double drops_per_message = 0.0;
+  /// A release fails this often: the motors go on.
+  double failed_releases = 0.0;
+  /// The machine sleeps this often per tick, and for at most so long: the clock does not count it.
+  double sleeps_per_tick = 0.0;
+  Duration longest_sleep{};
+  /// mofc_node falls silent this often per tick, for up to 100 ms: the fallback acts.
+  double silences_per_tick = 0.0;
+  /// The session has a dead-man button; the hand holds it most of the time, and the grip that has
+  /// it vanishes now and then.
+  bool has_dead_man_button = false;
   /// `device { accept: NO_MOTOR_WATCHDOG }`
   bool is_accepted = true;
   double coulomb_newton = 0.1;
@@ -33,8 +46,8 @@ struct VicedRun {
 /// How device_node keeps its books of it.
 enum class Books : std::uint8_t {
   kTrue,
-  /// As if each force ended with its lease, reading and switch were one instant and held currents a
-  /// held force.
+  /// As if each force ended with its lease, reading and switch were one instant, held currents a
+  /// held force and the motors' whole numbers the force asked for.
   kSimple,
 };
 
@@ -44,17 +57,21 @@ struct VicedResult {
   double most_unbooked_joule = 0.0;
   double largest_force_newton = 0.0;
   double top_speed_m_per_s = 0.0;
+  std::uint64_t ticks = 0;
   std::uint64_t ticks_beyond_friction = 0;  ///< with a force above f_co
+  double mean_force_newton = 0.0;           ///< over all ticks
+  double most_true_joule = 0.0;             ///< that the hand had put in
+  std::uint64_t fallback_ticks = 0;
   std::uint64_t faults = 0;
 };
 
 /// Same run and seed: same result, to the bit.
 [[nodiscard]] VicedResult run_with_vices(const VicedRun& run, Books books, std::uint64_t seed);
 
-/// Everything that the promise covers at random: no stall outlives a lease, latencies are those of
-/// the session.
+/// Everything that the promise covers at random, several vices at once: no stall outlives a lease,
+/// latencies are those of the session, a release is confirmed at once.
 [[nodiscard]] VicedRun random_run_within_the_claim(std::uint64_t seed);
-/// The same with stalls of any length up to 60 ms.
+/// The same with stalls of any length up to 60 ms, sleeps up to 2 s, releases that fail.
 [[nodiscard]] VicedRun random_run_with_stalls(std::uint64_t seed);
 
 }  // namespace palpate::test
