@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -51,6 +52,9 @@ struct DeviceSample {
   /// What the motors did since the last message beyond F·Δx: held currents make another force while
   /// the arm turns [J]. 0: the device holds the force.
   double turning_joule = 0.0;
+  /// What the device measured, by motor currents or joint torques, that its motors do now [N], D;
+  /// none: it measures nothing.
+  std::optional<Vector3> measured_newton = {};
 };
 
 /// Why a transfer failed.

@@ -119,6 +119,7 @@ bool DeviceNode::clear_fault() noexcept {
   if (!release_once()) return false;
   fault_ = FaultReason::kNone;
   judge_.begin();
+  measured_.begin();
   // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
   // gap
   applied_ = AppliedForces(device_.specification().has_motor_watchdog);

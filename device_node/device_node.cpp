@@ -86,6 +86,7 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
           journal),
       watch_(config),
       frozen_(config),
+      measured_(config),
       motor_check_({.rate_hz = config.rate_hz,
                     .profile = config.profile,
                     .force_axes = device.specification().force_axes,
@@ -137,6 +138,13 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   if (recorded_until_ == sample.sampled_at) ++counters_.repeated_readings;
   if (reading != FaultReason::kNone) return reading;
   const DeviceState& state = make_state(sample, record.sequence);
+  // its check judges the motors by the positions
+  if (must_check_motors_) {
+    measured_.begin();
+  } else if (!measured_.message(sample.hand_position_m, state.acting_force_on_hand_newton,
+                                sample.measured_newton)) {
+    return FaultReason::kMotorsDiffer;
+  }
   if (config_.monitor.is_on && !monitor_.is_account_plausible()) return FaultReason::kAccountWrong;
   record.measured_hand_position_m = state.hand_position_m;
   record.measured_tool_position_world_m = state.tool_position_world_m;
@@ -233,6 +241,11 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
   monitor_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
                     guarded.lease, details_of(at_switch));
   record.switched_at = at_switch.sampled_at;
+  if (!must_check_motors_ &&
+      !measured_.message(at_switch.hand_position_m, guarded.force_on_hand_newton,
+                         at_switch.measured_newton)) {
+    return FaultReason::kMotorsDiffer;
+  }
   return record.is_answered && at_switch.sampled_at > deadline ? withdraw_late_answer(record)
                                                                : FaultReason::kNone;
 }

@@ -23,7 +23,8 @@
 // A real device gives no force before a person has acknowledged it, after the start and after each
 // fault, and before motor_check.h has pushed it a little and seen that it gives way; while it is
 // not calibrated, nothing is sent either. Readings of a real device that stand still although a
-// force acts end the force until they differ: frozen_watch.h. Thread: everything runs on the
+// force acts end the force until they differ: frozen_watch.h. Measured forces that are not those
+// that the accounts count are a fault: measured_work.h. Thread: everything runs on the
 // caller's thread. step() does not allocate, lock, log or throw; it waits up to `reply` for the
 // answer. Only where a fault has cost the connection to motors that have not confirmed their
 // release, step() opens it again, twice a second, which may allocate.
@@ -47,6 +48,7 @@
 #include "device_node/monitor/assumption_watch.h"
 #include "device_node/monitor/force_monitor.h"
 #include "device_node/monitor/frozen_watch.h"
+#include "device_node/monitor/measured_work.h"
 #include "device_node/monitor/reading_judge.h"
 #include "device_node/motor_check.h"
 #include "device_node/reading_observer.h"
@@ -158,6 +160,7 @@ class DeviceNode {
   JournaledMonitor monitor_;
   AssumptionWatch watch_;
   FrozenWatch frozen_;
+  MeasuredWork measured_;
   MotorCheck motor_check_;
   AppliedForces applied_;
   ReadingJudge judge_;

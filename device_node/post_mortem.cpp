@@ -213,7 +213,7 @@ FaultFile read_fault_file(const std::string& file) {
       StateReader words(*entry);
       next.list(words);
       if (!words.is_done() || static_cast<int>(next.kind) >= kJournalKinds ||
-          next.fault > FaultReason::kAccountWrong) {
+          next.fault > FaultReason::kMotorsDiffer) {
         refuse("the entry is not complete");
       }
     } else if (const auto wire = after(line, kWire)) {

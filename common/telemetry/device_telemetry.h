@@ -56,6 +56,7 @@ enum class FaultReason : std::uint8_t {
   kMotorsNotSeen = 13,     ///< the check of the motors: the readings do not follow the push
   kCheckInterrupted = 14,  ///< the check of the motors: it paused again and again
   kAccountWrong = 15,      ///< the monitor's account says more than the hand can have put in
+  kMotorsDiffer = 16,      ///< the forces that the device measures are not those commanded
 };
 [[nodiscard]] const char* name(FaultReason reason);
 

@@ -75,6 +75,8 @@ const char* name(FaultReason reason) {
       return "check of the motors interrupted";
     case FaultReason::kAccountWrong:
       return "account of the energy is wrong";
+    case FaultReason::kMotorsDiffer:
+      return "measured forces differ from the commands";
   }
   return "?";
 }

@@ -13,7 +13,7 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, WireFault>, 26> kWireFaults{
+constexpr std::array<std::pair<std::string_view, WireFault>, 31> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
@@ -39,7 +39,15 @@ constexpr std::array<std::pair<std::string_view, WireFault>, 26> kWireFaults{
      {"one_tick", WireFault::kOneTick},
      {"turning", WireFault::kTurning},
      {"reversed", WireFault::kReversed},
-     {"strong", WireFault::kStrong}}};
+     {"strong", WireFault::kStrong},
+     {"weight", WireFault::kWeight},
+     {"dropped", WireFault::kDropped},
+     {"partial", WireFault::kPartial},
+     {"merged", WireFault::kMerged},
+     {"unlisted", WireFault::kUnlisted}}};
+
+constexpr double kWeightNewton = 0.5;
+constexpr std::uint64_t kDroppedOneIn = 20;
 
 bool read_number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -147,6 +155,7 @@ void EmulatedDevice::set_vices() noexcept {
   if (has(WireFault::kOneTick)) vices.acts_for = std::chrono::microseconds(500);
   if (has(WireFault::kReversed)) vices.gain = -1.0;
   if (has(WireFault::kStrong)) vices.gain = 2.0;
+  if (has(WireFault::kWeight)) vices.weight_newton = Vector3(0, 0, -kWeightNewton);
   device_.set(vices);
 }
 
@@ -166,6 +175,22 @@ DeviceSample EmulatedDevice::switched(const DeviceSample& sample) noexcept {
   note_switch(sample.sampled_at, force_newton().norm());
   ++messages_;
   return seen(sample);
+}
+
+std::vector<std::vector<std::byte>> EmulatedDevice::transfers_of(
+    std::span<const std::byte> answer) {
+  if (has(WireFault::kDropped) && ++answers_ % kDroppedOneIn == 0) return {};
+  const std::vector<std::byte> whole(answer.begin(), answer.end());
+  const std::vector<std::byte> before = std::exchange(last_answer_, whole);
+  if (has(WireFault::kDoubled)) return {whole, whole};
+  if (has(WireFault::kMerged) && !before.empty()) {
+    std::vector<std::byte> both = before;
+    both.insert(both.end(), whole.begin(), whole.end());
+    return {both};
+  }
+  const auto middle = whole.begin() + static_cast<std::ptrdiff_t>(whole.size() / 2);
+  if (has(WireFault::kPartial)) return {{whole.begin(), middle}, {middle, whole.end()}};
+  return {whole};
 }
 
 DeviceSample EmulatedDevice::read() noexcept {

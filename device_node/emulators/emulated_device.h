@@ -4,8 +4,10 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -44,6 +46,11 @@ enum class WireFault : std::uint8_t {
   kTurning,   ///< currents are held while the arm turns, and with them not the force
   kReversed,  ///< the motors push the other way
   kStrong,    ///< the motors push twice as hard
+  kWeight,    ///< nothing compensates gravity: the arm's weight of 0.5 N pulls downwards
+  kDropped,   ///< one answer in 20 is lost
+  kPartial,   ///< each answer comes in two transfers, the second one later
+  kMerged,    ///< each answer comes with the one before it, in one transfer
+  kUnlisted,  ///< the service does not list the device any more
 };
 
 struct PlannedFault {
@@ -83,6 +90,9 @@ class EmulatedDevice {
   DeviceSample switch_to(const Vector3& force_on_hand_newton) noexcept;
   /// The same with currents that are held: a force for each position.
   DeviceSample switch_to(Hardware::HeldForce force_on_hand_newton) noexcept;
+  /// The transfers in which the bytes of an answer reach the client: one, unless a fault says
+  /// otherwise.
+  [[nodiscard]] std::vector<std::vector<std::byte>> transfers_of(std::span<const std::byte> answer);
   /// A reading; the force goes on within the watchdog's time.
   DeviceSample read() noexcept;
   /// The client is gone: the force ends, unless the motors have no watchdog.
@@ -128,6 +138,8 @@ class EmulatedDevice {
   TimePoint force_since_{};
   TimePoint force_end_{};
   DeviceSample last_;
+  std::vector<std::byte> last_answer_;
+  std::uint64_t answers_ = 0;
   std::atomic<double> least_energy_joule_ = 0.0;
   std::atomic<std::uint64_t> messages_ = 0;
 };

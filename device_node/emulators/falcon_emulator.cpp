@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "device_node/drivers/falcon/falcon_delta.h"
 #include "device_node/drivers/falcon/falcon_driver.h"
@@ -36,6 +37,7 @@ void FalconEmulator::run(const std::stop_token& stop) {
 void FalconEmulator::serve(PacketPort& client, const std::stop_token& stop) {
   is_asked_ = false;
   to_host_.clear();
+  later_.clear();
   command_.clear();
   std::array<std::byte, 1 + kUsbPacketBytes> packet{};
   while (!stop.stop_requested()) {
@@ -73,7 +75,10 @@ bool FalconEmulator::take(PacketPort& client, std::span<const std::byte> packet)
 void FalconEmulator::control(std::uint8_t request, std::uint16_t value) {
   switch (static_cast<FtdiRequest>(request)) {
     case FtdiRequest::kReset:
-      if (value == 1) to_host_.clear();
+      if (value == 1) {
+        to_host_.clear();
+        later_.clear();
+      }
       if (value == 2) command_.clear();
       break;
     case FtdiRequest::kModemControl:
@@ -153,7 +158,13 @@ void FalconEmulator::answer(const FalconMessage& command) {
   if (fault == WireFault::kGarbage) message.fill(std::byte{0xFF});
   if (fault == WireFault::kDelayed) std::this_thread::sleep_for(5ms);
   const std::size_t size = fault == WireFault::kShort ? message.size() / 2 : message.size();
-  send_from_device(std::span(message).first(size));
+  for (auto& transfer : device_.transfers_of(std::span(message).first(size))) {
+    if (device_.has(WireFault::kPartial) && !to_host_.empty()) {
+      later_ = std::move(transfer);
+    } else {
+      send_from_device(transfer);
+    }
+  }
 }
 
 void FalconEmulator::send_from_device(std::span<const std::byte> bytes) {
@@ -174,6 +185,7 @@ void FalconEmulator::flush(PacketPort& client) {
   std::copy(to_host_.begin(), end, packet.begin() + 2 + kFtdiStatusBytes);
   to_host_.erase(to_host_.begin(), end);
   if (to_host_.empty()) has_event_ = false;
+  if (to_host_.empty() && !later_.empty()) send_from_device(std::exchange(later_, {}));
   is_asked_ = false;
   flushed_at_ = Steady::now();
   static_cast<void>(client.write(std::span(packet).first(2 + kFtdiStatusBytes + size), 50ms));

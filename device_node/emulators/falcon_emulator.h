@@ -69,6 +69,7 @@ class FalconEmulator {
   Steady::time_point flushed_at_;
   bool has_event_ = false;
   std::vector<std::byte> to_host_;
+  std::vector<std::byte> later_;  // in the packet after that
 
   // the boot loader
   bool is_booting_ = false;

@@ -13,6 +13,7 @@
 #include <optional>
 #include <span>
 #include <thread>
+#include <utility>
 
 #include "common/core/check.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
@@ -21,6 +22,8 @@ namespace palpate::device {
 namespace {
 
 using namespace std::chrono_literals;
+
+constexpr Duration kLater = 200us;  // the second transfer of an answer
 
 int open_pseudo_terminal() {
   const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
@@ -122,7 +125,11 @@ void HapiEmulator::answer(const std::byte* message) {
   if (fault == WireFault::kGarbage) reading.fill(std::byte{0xFF});
   if (fault == WireFault::kDelayed) std::this_thread::sleep_for(5ms);
   const std::size_t size = fault == WireFault::kShort ? reading.size() / 2 : reading.size();
-  static_cast<void>(line_.write(std::span(reading).first(size), 50ms));
+  bool is_later = false;
+  for (const auto& transfer : device_.transfers_of(std::span(reading).first(size))) {
+    if (std::exchange(is_later, true)) std::this_thread::sleep_for(kLater);
+    static_cast<void>(line_.write(transfer, 50ms));
+  }
 }
 
 }  // namespace palpate::device

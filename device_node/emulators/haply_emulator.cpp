@@ -193,6 +193,18 @@ void HaplyEmulator::run(const std::stop_token& stop) {
   }
 }
 
+bool HaplyEmulator::send(WebSocket& client, const std::string& answer) {
+  // a WebSocket carries messages: those that come in one transfer stay apart
+  const std::string before = std::exchange(last_answer_, answer);
+  if (device_.has(WireFault::kMerged) && client.send(before, kSend) != Transfer::kDone)
+    return false;
+  const std::size_t times = device_.transfers_of(std::as_bytes(std::span(answer))).size();
+  for (std::size_t i = 0; i < times; ++i) {
+    if (client.send(answer, kSend) != Transfer::kDone) return false;
+  }
+  return true;
+}
+
 void HaplyEmulator::serve(int socket, const std::stop_token& stop) {
   std::unique_ptr<WebSocket> client;
   try {
@@ -203,8 +215,8 @@ void HaplyEmulator::serve(int socket, const std::stop_token& stop) {
   const std::stop_callback interrupts(stop, [&] { client->interrupt(); });
   json last_grip = grip_entry(device_.read(), device_.now_s());
   std::string answer = full_frame(device_, device_.read(), kDeviceId).dump();
-  while (client->send(answer, kSend) == Transfer::kDone) {
-    if (device_.has(WireFault::kDoubled) && client->send(answer, kSend) != Transfer::kDone) return;
+  for (;;) {
+    if (!send(*client, answer)) return;
     std::string_view text;
     std::optional<HaplyRequest> request;
     do {  // every message has one answer, except one that is not understood
@@ -225,6 +237,7 @@ void HaplyEmulator::serve(int socket, const std::stop_token& stop) {
     const char* const id = fault == WireFault::kWrongId ? "FFFF" : kDeviceId;
     json frame = request->is_full ? full_frame(device_, sample, id) : update(device_, sample, id);
     spoil_grip(device_, frame["wireless_verse_grip"], last_grip);
+    if (device_.has(WireFault::kUnlisted)) frame["inverse3"] = json::array();
     answer = frame.dump();
     if (fault == WireFault::kShort) answer.resize(answer.size() / 2);
     if (fault == WireFault::kGarbage) answer = "\x01not JSON";

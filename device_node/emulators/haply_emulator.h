@@ -11,6 +11,8 @@
 
 namespace palpate::device {
 
+class WebSocket;
+
 /// One client at a time; a second waits for the end of the first.
 class HaplyEmulator {
  public:
@@ -30,8 +32,11 @@ class HaplyEmulator {
 
  private:
   void serve(int socket, const std::stop_token& stop);
+  /// @return  whether the client is still there
+  bool send(WebSocket& client, const std::string& answer);
 
   EmulatedDevice& device_;
+  std::string last_answer_;
   int listener_ = -1;
   std::uint16_t port_ = 0;
 };

@@ -27,6 +27,8 @@ struct HardwareVices {
   /// A force ends by itself so long after it began; 0: it does not.
   Duration acts_for{};
   double gain = 1.0;  ///< of the motors; below 0: a wrong sign
+  /// Of the arm, where nothing compensates it, D. It is conservative, and no force of the motors.
+  Vector3 weight_newton = Vector3::Zero();
 };
 
 /// Catches up with the clock whenever it is read or told something, and then in the order in which
@@ -39,7 +41,11 @@ class Hardware {
   Hardware(const SimulatedDeviceConfig& device, const HandConfig& hand, const Clock& clock,
            std::uint64_t seed);
 
-  void set(const HardwareVices& vices) { vices_ = vices; }
+  /// From the last reading or switch on.
+  void set(const HardwareVices& vices) {
+    vices_ = vices;
+    device_.set_weight(vices.weight_newton);
+  }
   [[nodiscard]] const HardwareVices& vices() const noexcept { return vices_; }
 
   [[nodiscard]] DeviceSample read();

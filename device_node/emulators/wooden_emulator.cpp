@@ -52,7 +52,9 @@ void WoodenEmulator::serve(PacketPort& client, const std::stop_token& stop) {
     if (fault == WireFault::kGarbage) report.fill(std::byte{0xFF});
     if (fault == WireFault::kDelayed) std::this_thread::sleep_for(5ms);
     const std::size_t length = fault == WireFault::kShort ? report.size() / 2 : report.size();
-    static_cast<void>(client.write(std::span(report).first(length), 50ms));
+    for (const auto& transfer : device_.transfers_of(std::span(report).first(length))) {
+      static_cast<void>(client.write(transfer, 50ms));
+    }
   }
 }
 

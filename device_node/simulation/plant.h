@@ -8,10 +8,12 @@
 //   f_d  viscous friction of the device      [N·s/m]
 //   f_co Coulomb friction of the device      [N]
 //   F    rendered force on the hand          [N]
+//   W    weight of an arm without gravity compensation; 0 but in emulators  [N]
 //   h    inner step                          [s]
 //
-//   m x'' = K (x_d − x) + B (x_d' − x') − f_d x' − f_co ξ + F ,   ξ = x'/|x'|, or any |ξ| ≤ 1 at
-//   rest; per axis: with f_d,i, f_co,i and ξ_i = sgn(x_i'), or any |ξ_i| ≤ 1 where the axis rests
+//   m x'' = K (x_d − x) + B (x_d' − x') − f_d x' − f_co ξ + F + W ,   ξ = x'/|x'|, or any |ξ| ≤ 1
+//   at rest; per axis: with f_d,i, f_co,i and ξ_i = sgn(x_i'), or any |ξ_i| ≤ 1 where the axis
+//   rests
 #pragma once
 
 #include <algorithm>
@@ -39,6 +41,7 @@ struct PlantParameters {
   double viscous_newton_s_per_m = 0.0;
   double coulomb_newton = 0.0;
   std::optional<FrictionPerAxis> per_axis = {};  ///< instead of the two above
+  Vector3 weight_newton = Vector3::Zero();
 };
 
 /// Implicit midpoint, second order, with exact stick–slip: the mean velocity v̄ of a step solves
@@ -47,15 +50,15 @@ struct PlantParameters {
 ///
 /// in closed form (soft threshold), targets taken in the middle of the step:
 ///
-///   r = 2m/h v + K (x_d − x) + B v_d + F ,   A = 2m/h + f_d + B + K h/2
+///   r = 2m/h v + K (x_d − x) + B v_d + F + W ,   A = 2m/h + f_d + B + K h/2
 ///   v̄ = max(0, 1 − f_co/|r|) r/A ,   Δx = h v̄ ,   v' = 2 v̄ − v ,   at rest v' = 0
 ///
 /// With friction per axis each axis is such a plant by itself.
 ///
-/// Energy E = Σ f_d |Δx|²/h + f_co |Δx| − F·Δx is exact for the step. Coming to rest inside a step
-/// drops ½ m v² of its kinetic energy unbooked, so E is never above the energy that the hand gave
-/// less the change of kinetic energy, and below it by at most h² |r|²/(8m) (≈ 1e-11 J) per stop.
-/// Lemma: supplied_energy.
+/// Energy E = Σ f_d |Δx|²/h + f_co |Δx| − F·Δx is exact for the step; what W does is stored. Coming
+/// to rest inside a step drops ½ m v² of its kinetic energy unbooked, so E is never above the
+/// energy that the hand gave less the change of kinetic energy, and below it by at most h²
+/// |r|²/(8m) (≈ 1e-11 J) per stop. Lemma: supplied_energy.
 class Plant {
  public:
   explicit Plant(const PlantParameters& parameters, const Vector3& position_m = Vector3::Zero(),
@@ -79,7 +82,7 @@ class Plant {
     const double B = p_.hand_damping_newton_s_per_m;
     const Vector3 r = inertia * state_.hand_velocity_m_per_s +
                       K * (target.position_m - state_.hand_position_m) +
-                      B * target.velocity_m_per_s + F;
+                      B * target.velocity_m_per_s + F + p_.weight_newton;
     if (p_.per_axis) {
       Vector3 mean_velocity;
       for (int i = 0; i < 3; ++i) {
@@ -116,6 +119,8 @@ class Plant {
   }
 
   [[nodiscard]] const TrueState& state() const noexcept { return state_; }
+
+  void set_weight(const Vector3& weight_newton) noexcept { p_.weight_newton = weight_newton; }
 
  private:
   void advance_per_axis(double h, const Vector3& mean_velocity, const Vector3& F) noexcept {

@@ -61,6 +61,10 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   /// @param steps  null: no longer; must outlive the device otherwise
   void record_steps(std::vector<InnerStep>* steps) noexcept { steps_ = steps; }
 
+  /// A constant force on the arm that is none of the motors', from the last reading or switch on,
+  /// D.
+  void set_weight(const Vector3& weight_newton) noexcept { plant_.set_weight(weight_newton); }
+
   [[nodiscard]] Vector3 motor_force_on_hand_newton() const noexcept override {
     return force_on_hand_newton_;
   }

@@ -78,7 +78,7 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
   verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kChecking));
-  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kAccountWrong));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kMotorsDiffer));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
   verdict.finite(c.checked_friction_ratio());

@@ -39,6 +39,9 @@ namespace palpate {
     case FaultReason::kAccountWrong:
       return "a fault of device_node itself: keep the flight recording (`palpate report FILE`) and "
              "report it";
+    case FaultReason::kMotorsDiffer:
+      return "check supply, amplifiers and cables of the motors, and whether another program sends "
+             "forces or changes them, then reset the fault (SIGUSR2)";
     case FaultReason::kNone:
       break;
   }

@@ -122,7 +122,8 @@ class FalconDevice final : public WireDevice {
     transfer = line_->read(answer, config_.transfer_limit);
     received(transfer, std::as_bytes(std::span(answer)));
     if (transfer != Transfer::kDone) return transfer;
-    if (!read_falcon_answer(answer, reading)) return Transfer::kCorrupt;
+    // more than one answer: this is that of an earlier message
+    if (line_->has_more() || !read_falcon_answer(answer, reading)) return Transfer::kCorrupt;
     is_homed_ = reading.homed == kFalconAllHomed;
     return Transfer::kDone;
   }

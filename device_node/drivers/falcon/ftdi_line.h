@@ -53,6 +53,8 @@ class FtdiLine {
   }
   /// Fills `bytes`, or fails.
   [[nodiscard]] Transfer read(std::span<std::byte> bytes, Duration within) noexcept;
+  /// Whether the last packet had more than was read.
+  [[nodiscard]] bool has_more() const noexcept { return size_ > 0; }
 
  private:
   static constexpr Duration kControlLimit = std::chrono::seconds(1);

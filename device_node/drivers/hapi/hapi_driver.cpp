@@ -112,8 +112,11 @@ class HapiDevice final : public WireDevice {
     transfer = port_->read(answer, config_.transfer_limit);
     received(transfer, answer);
     if (transfer != Transfer::kDone) return transfer;
-    return read_hapi_angles(answer, board_.device_id, angles_deg) ? Transfer::kDone
-                                                                  : Transfer::kCorrupt;
+    // more than one answer: this is that of an earlier message
+    if (port_->has_input() || !read_hapi_angles(answer, board_.device_id, angles_deg)) {
+      return Transfer::kCorrupt;
+    }
+    return Transfer::kDone;
   }
 
   HapiConfig config_;

@@ -128,6 +128,9 @@ class HaplyDevice final : public WireDevice {
     sample.orientation = orientation_;
     sample.buttons = held_buttons(state);
     sample.applied_force_newton = force_newton;
+    if (state.cursor_force_newton) {
+      sample.measured_newton = config_.rotation * *state.cursor_force_newton;
+    }
     return Transfer::kDone;
   }
 
@@ -171,7 +174,7 @@ class HaplyDevice final : public WireDevice {
     received(transfer, std::as_bytes(std::span(text)));
     if (transfer != Transfer::kDone) return transfer;
     if (!read_haply_state(text, config_.device_id, config_.grip_id, state)) {
-      return Transfer::kCorrupt;
+      return state.is_gone ? Transfer::kClosed : Transfer::kCorrupt;
     }
     return Transfer::kDone;
   }

@@ -117,7 +117,7 @@ bool read_grip(JsonReader& reader, HaplyState& state) noexcept {
 /// An array of {"device_id": …, "state": {…}, "status": {…}, …}: those of the one with that id,
 /// whichever member comes first.
 template <class ReadState>
-bool read_entry(JsonReader& reader, std::string_view id, HaplyState& state,
+bool read_entry(JsonReader& reader, std::string_view id, HaplyState& state, bool& is_found,
                 const ReadState& read_state) noexcept {
   return reader.array([&](JsonReader& entry) noexcept {
     HaplyState read = state;
@@ -132,6 +132,7 @@ bool read_entry(JsonReader& reader, std::string_view id, HaplyState& state,
       return true;
     });
     if (is_read && is_it) state = read;
+    is_found = is_found || is_it;
     return is_read;
   });
 }
@@ -176,13 +177,20 @@ bool read_haply_state(std::string_view text, std::string_view device_id, std::st
                       HaplyState& state) noexcept {
   state = {};
   JsonReader reader(text);
+  bool is_listed = false;
+  bool has_list = false;
+  bool has_grip = false;
   const bool is_read = reader.object([&](std::string_view key, JsonReader& value) noexcept {
-    if (key == "inverse3") return read_entry(value, device_id, state, read_device);
+    if (key == "inverse3") {
+      has_list = true;
+      return read_entry(value, device_id, state, is_listed, read_device);
+    }
     if (!grip_id.empty() && (key == "verse_grip" || key == "wireless_verse_grip")) {
-      return read_entry(value, grip_id, state, read_grip);
+      return read_entry(value, grip_id, state, has_grip, read_grip);
     }
     return value.skip();
   });
+  state.is_gone = is_read && reader.ends() && has_list && !is_listed;
   return is_read && reader.ends() && state.cursor_position_m.has_value();
 }
 

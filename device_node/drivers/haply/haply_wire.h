@@ -27,6 +27,7 @@ struct HaplyState {
   std::optional<bool> is_calibrated;
   std::optional<bool> is_powered;
   std::optional<bool> is_ready;
+  bool is_gone = false;    ///< a message like any other, but the device is not in its list
   bool is_scaled = false;  ///< the service scales positions: counted work would be wrong
   std::optional<bool> is_grip_connected;
 };

@@ -84,6 +84,11 @@ Transfer SerialPort::read(std::span<std::byte> bytes, Duration within) noexcept 
                       });
 }
 
+bool SerialPort::has_input() const noexcept {
+  int bytes = 0;
+  return ioctl(terminal_, FIONREAD, &bytes) == 0 && bytes > 0;
+}
+
 void SerialPort::discard_input() noexcept { tcflush(terminal_, TCIFLUSH); }
 
 }  // namespace palpate::device

@@ -25,6 +25,8 @@ class SerialPort {
   [[nodiscard]] Transfer write(std::span<const std::byte> bytes, Duration within) noexcept;
   /// Fills `bytes`, or fails.
   [[nodiscard]] Transfer read(std::span<std::byte> bytes, Duration within) noexcept;
+  /// Whether bytes wait that no read() has asked for.
+  [[nodiscard]] bool has_input() const noexcept;
   /// Forgets what has arrived: what a message without frame needs before the next request.
   void discard_input() noexcept;
 

@@ -375,6 +375,8 @@ TEST(FalconDriver, SaysHowATransferFailedAndOpensAgain) {
   EXPECT_EQ(error_of(WireFault::kShort, kPassingLimit), DeviceError::kTimeout);
   EXPECT_EQ(error_of(WireFault::kGarbage, kAmpleLimit), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kUnplugged, kAmpleLimit), DeviceError::kUnplugged);
+  EXPECT_EQ(error_of(WireFault::kMerged, kAmpleLimit), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kDoubled, kAmpleLimit), DeviceError::kCorrupt);
 }
 
 TEST(FalconDriver, ALateAnswerWithinTheLimitIsNoFault) {

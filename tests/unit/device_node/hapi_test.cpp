@@ -245,6 +245,7 @@ TEST(HapiDriver, SaysHowATransferFailedAndOpensAgain) {
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kTimeout);
   EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kWrongId), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kMerged), DeviceError::kCorrupt);
 }
 
 TEST(HapiDriver, IdentifiesTheFrictionInItsPlaneFromBelow) {

@@ -47,7 +47,13 @@ TEST(HaplyWire, AnUpdateWithoutTheDeviceOrItsPositionIsRefused) {
   EXPECT_FALSE(read_haply_state(kUpdate, "FFFF", "", state));
   EXPECT_FALSE(
       read_haply_state(R"({"inverse3":[{"device_id":"049D","state":{}}]})", "049D", "", state));
+  EXPECT_FALSE(state.is_gone) << "it is listed";
   EXPECT_FALSE(read_haply_state(R"({"inverse3":[]})", "049D", "", state));
+  EXPECT_TRUE(state.is_gone);
+  EXPECT_FALSE(read_haply_state(R"({"inverse3":[])", "049D", "", state));
+  EXPECT_FALSE(state.is_gone) << "cut off";
+  EXPECT_FALSE(read_haply_state(R"({"session":{}})", "049D", "", state));
+  EXPECT_FALSE(state.is_gone) << "without a list";
   EXPECT_FALSE(read_haply_state(
       R"({"inverse3":[{"device_id":"049D","state":{"cursor_position":{"x":0,"y":0}}}]})", "049D",
       "", state));
@@ -306,7 +312,8 @@ TEST(HaplyDriver, SaysHowATransferFailedAndOpensAgain) {
   EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
   EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kCorrupt);
-  EXPECT_EQ(error_of(WireFault::kWrongId), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kWrongId), DeviceError::kUnplugged);
+  EXPECT_EQ(error_of(WireFault::kUnlisted), DeviceError::kUnplugged);
 }
 
 TEST(HaplyDriver, IdentifiesTheFrictionOfTheDeviceFromBelow) {

@@ -293,6 +293,7 @@ TEST(WoodenDriver, SaysHowATransferFailedAndOpensAgain) {
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kUnplugged), DeviceError::kUnplugged);
+  EXPECT_EQ(error_of(WireFault::kMerged), DeviceError::kCorrupt);
 }
 
 TEST(WoodenDriver, ALateAnswerWithinTheLimitIsNoFault) {

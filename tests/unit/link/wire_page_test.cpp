@@ -245,7 +245,7 @@ TEST(WirePage, GivesTheNumbersOfTheStates) {
   EXPECT_EQ(row("DeviceTelemetry.guard"), (Row{values_up_to(GuardState::kFault)}));
   EXPECT_EQ(row("MofcTelemetry.state"), (Row{values_up_to(MofcState::kClutched)}));
   EXPECT_EQ(row("DeviceCounters.phase"), (Row{values_up_to(DevicePhase::kChecking)}));
-  EXPECT_EQ(row("DeviceCounters.last_fault"), (Row{values_up_to(FaultReason::kAccountWrong)}));
+  EXPECT_EQ(row("DeviceCounters.last_fault"), (Row{values_up_to(FaultReason::kMotorsDiffer)}));
 }
 
 TEST(WirePage, GivesTheRolesOfEveryLink) {
