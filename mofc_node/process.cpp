@@ -2,6 +2,8 @@
 #include "mofc_node/process.h"
 
 #include <chrono>
+#include <memory>
+#include <optional>
 
 #include "common/core/inbox.h"
 #include "common/link/exchange_server.h"
@@ -10,6 +12,7 @@
 #include "common/process/realtime.h"
 #include "common/process/refused_peers_log.h"
 #include "common/process/rejection_log.h"
+#include "common/process/threaded_link.h"
 #include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
@@ -27,26 +30,48 @@ RealtimeConfig below_device(RealtimeConfig realtime) {
   return realtime;
 }
 
-/// Hops 2 and 3 of physics.standby.
-class StandbyEnds {
- public:
-  StandbyEnds(NodeContext& context, ZmqContext& context_of_links, const Side& side)
-      : motion_out_(context_of_links,
-                    connect_to(side.links.standby_tool_motion, "links.standby_tool_motion")),
-        interactions_(context_of_links, context.clock,
-                      connect_to(side.links.standby_interaction, "links.standby_interaction")),
-        interaction_in_(interactions_, context.clock, context.session.faults.standby_interaction,
-                        stream_seed(context.session, side, "standby_interaction")),
-        refused_(context.log, "standby_interaction", interactions_.rejections()) {}
+/// Of one physics; of physics.standby or not.
+struct PhysicsLinks {
+  Attachment motion;
+  Attachment interaction;
+  const char* name;  ///< of hop 3: of its faults and its log
+  const LinkFaults& faults;
+};
 
-  [[nodiscard]] std::optional<StandbyLinks> links() {
-    return StandbyLinks{.motion_out = motion_out_, .interaction_in = interaction_in_};
+/// Hops 2 and 3 of one physics.
+class PhysicsEnds {
+ public:
+  PhysicsEnds(NodeContext& context, ZmqContext& context_of_links, const PhysicsLinks& links,
+              ClampThreads threads)
+      : motion_out_(context_of_links, links.motion),
+        interactions_(context_of_links, context.clock, links.interaction),
+        threads_(threads == ClampThreads::kOfPhysics
+                     ? std::make_unique<Threads>(motion_out_, interactions_, context)
+                     : nullptr),
+        interaction_in_(
+            threads_ ? static_cast<Source<Interaction>&>(threads_->interactions) : interactions_,
+            context.clock, links.faults,
+            stream_seed(context.session, context.session.side(), links.name)),
+        refused_(context.log, links.name, interactions_.rejections()) {}
+
+  [[nodiscard]] Sender<ToolMotion>& motion_out() {
+    return threads_ ? static_cast<Sender<ToolMotion>&>(threads_->motions) : motion_out_;
   }
+  [[nodiscard]] Inbox<Interaction>& interaction_in() { return interaction_in_; }
   void note_refused(TimePoint now) { refused_.note(now); }
 
  private:
+  struct Threads {
+    Threads(Sender<ToolMotion>& out, Source<Interaction>& in, const NodeContext& context)
+        : motions(out, context.session.side().realtime),
+          interactions(in, context.clock, context.session.side().realtime) {}
+    ThreadedSender<ToolMotion> motions;
+    ThreadedSource<Interaction> interactions;
+  };
+
   ZmqSender<ToolMotion> motion_out_;
   ZmqSource<Interaction> interactions_;
+  std::unique_ptr<Threads> threads_;
   Inbox<Interaction> interaction_in_;
   RejectionLog refused_;
 };
@@ -56,26 +81,28 @@ class StandbyEnds {
 class Clamp::Impl {
  public:
   Impl(NodeContext& context, ZmqContext& side, Source<DeviceState>& states,
-       Sender<ForceCommand>& commands, const Rejections& refused)
+       Sender<ForceCommand>& commands, const Rejections& refused, ClampThreads threads)
       : session_(context.session),
         side_(session_.side()),
         commands_(commands),
         state_in_(states, context.clock, session_.faults.device_state,
                   stream_seed(session_, side_, "device_state")),
-        motion_out_(side, connect_to(side_.links.tool_motion, "links.tool_motion")),
-        interactions_(side, context.clock,
-                      connect_to(side_.links.interaction, "links.interaction")),
-        interaction_in_(interactions_, context.clock, session_.faults.interaction,
-                        stream_seed(session_, side_, "interaction")),
-        standby_(session_.physics.standby ? std::make_unique<StandbyEnds>(context, side, side_)
-                                          : nullptr),
+        physics_(context, side,
+                 {.motion = connect_to(side_.links.tool_motion, "links.tool_motion"),
+                  .interaction = connect_to(side_.links.interaction, "links.interaction"),
+                  .name = "interaction",
+                  .faults = session_.faults.interaction},
+                 threads),
+        standby_(session_.physics.standby ? standby_ends(context, side, threads) : nullptr),
         telemetry_(side, bind_to(side_.links.mofc_telemetry, "links.mofc_telemetry")),
         recorder_(flight_files(context, with_side(side_.name, "mofc"))),
         refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
-        refused_interactions_(context.log, "interaction", interactions_.rejections()),
-        node_(side_.mofc, clamped_device(side_.device), context.clock, motion_out_, interaction_in_,
-              ticks_, context.session_id, standby_ ? standby_->links() : std::nullopt),
+        node_(side_.mofc, clamped_device(side_.device), context.clock, physics_.motion_out(),
+              physics_.interaction_in(), ticks_, context.session_id,
+              standby_ ? std::optional<StandbyLinks>({.motion_out = standby_->motion_out(),
+                                                      .interaction_in = standby_->interaction_in()})
+                       : std::nullopt),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    side_.name) {
     publisher_.record_to(recorder_);
@@ -83,7 +110,7 @@ class Clamp::Impl {
     publisher_.on_pump = [this](TimePoint now) {
       refused_peers_.note(now);
       refused_states_.note(now);
-      refused_interactions_.note(now);
+      physics_.note_refused(now);
       if (standby_) standby_->note_refused(now);
     };
     publisher_.start();
@@ -108,6 +135,20 @@ class Clamp::Impl {
   }
 
  private:
+  [[nodiscard]] static std::unique_ptr<PhysicsEnds> standby_ends(NodeContext& context,
+                                                                 ZmqContext& context_of_links,
+                                                                 ClampThreads threads) {
+    const LinksConfig& links = context.session.side().links;
+    return std::make_unique<PhysicsEnds>(
+        context, context_of_links,
+        PhysicsLinks{
+            .motion = connect_to(links.standby_tool_motion, "links.standby_tool_motion"),
+            .interaction = connect_to(links.standby_interaction, "links.standby_interaction"),
+            .name = "standby_interaction",
+            .faults = context.session.faults.standby_interaction},
+        threads);
+  }
+
   const Session& session_;
   const Side& side_;
 
@@ -115,12 +156,8 @@ class Clamp::Impl {
   Sender<ForceCommand>& commands_;
   Inbox<DeviceState> state_in_;
 
-  // hops 2 and 3
-  ZmqSender<ToolMotion> motion_out_;
-  ZmqSource<Interaction> interactions_;
-  Inbox<Interaction> interaction_in_;
-
-  std::unique_ptr<StandbyEnds> standby_;  // null: none
+  PhysicsEnds physics_;
+  std::unique_ptr<PhysicsEnds> standby_;  // null: none
 
   // hop 5
   ZmqSender<MofcBatch> telemetry_;
@@ -129,15 +166,14 @@ class Clamp::Impl {
   FlightRecorder<MofcTick> recorder_;
   RefusedPeersLog refused_peers_;
   RejectionLog refused_states_;
-  RejectionLog refused_interactions_;
 
   MofcNode node_;
   TelemetryPublisher<MofcTick, MofcCounters> publisher_;  // last: its thread uses the others
 };
 
 Clamp::Clamp(NodeContext& context, ZmqContext& side, Source<DeviceState>& states,
-             Sender<ForceCommand>& commands, const Rejections& refused)
-    : impl_(std::make_unique<Impl>(context, side, states, commands, refused)) {}
+             Sender<ForceCommand>& commands, const Rejections& refused, ClampThreads threads)
+    : impl_(std::make_unique<Impl>(context, side, states, commands, refused, threads)) {}
 Clamp::~Clamp() = default;
 void Clamp::wait_until(TimePoint deadline) noexcept { impl_->wait_until(deadline); }
 TimePoint Clamp::next_due() const noexcept { return impl_->next_due(); }

@@ -8,9 +8,16 @@
 
 namespace palpate {
 
+struct CopyByAssignment {
+  template <class T>
+  void operator()(const T& from, T& to) const noexcept {
+    to = from;
+  }
+};
+
 /// One producer thread, one consumer thread. push() never blocks or allocates; an element pushed to
 /// a full ring is lost and counted.
-template <class T>
+template <class T, class Copy = CopyByAssignment>
 class SpscRing {
  public:
   /// `capacity` ≥ 1 elements.
@@ -23,7 +30,7 @@ class SpscRing {
       lost_.fetch_add(1, std::memory_order_relaxed);
       return false;
     }
-    slots_[tail] = value;
+    Copy{}(value, slots_[tail]);
     tail_.store(after, std::memory_order_release);
     return true;
   }
@@ -31,9 +38,14 @@ class SpscRing {
   bool pop(T& value) noexcept {
     const std::size_t head = head_.load(std::memory_order_relaxed);
     if (head == tail_.load(std::memory_order_acquire)) return false;
-    value = slots_[head];
+    Copy{}(slots_[head], value);
     head_.store(next(head), std::memory_order_release);
     return true;
+  }
+
+  /// Of the consumer.
+  [[nodiscard]] bool is_empty() const noexcept {
+    return head_.load(std::memory_order_relaxed) == tail_.load(std::memory_order_acquire);
   }
 
   [[nodiscard]] std::uint64_t lost() const noexcept {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // device_mofc_node: device_node and mofc_node in one thread. The tick calls the clamp where two
-// processes would exchange messages; every other link is the same. `palpate launch --together
+// processes would exchange messages; the links to physics have threads of their own, so that the
+// tick does not call libzmq: it neither allocates nor locks. `palpate launch --together
 // device,mofc` starts it.
 //
 // This gives up the isolation of two processes: if the clamp hangs or crashes, the tick does too,
@@ -28,7 +29,7 @@ void run_together(NodeContext& context) {
   MemoryLink<DeviceState> states(context.clock);
   MemoryLink<ForceCommand> commands(context.clock);
   const Rejections none;  // nothing is decoded
-  mofc::Clamp clamp(mofc_context, side, states, commands, none);
+  mofc::Clamp clamp(mofc_context, side, states, commands, none, mofc::ClampThreads::kOfPhysics);
 
   commands.on_wait = [&](TimePoint deadline) {
     if (!clamp.answer_next()) context.clock.sleep_until(std::min(deadline, clamp.next_due()));
