@@ -4,6 +4,9 @@
 //   vices_bench            the table, as Markdown
 //   vices_bench RUNS       so many random runs within the claim; a tenth as many with simple books,
 //                          the twin, and beyond the claim
+//   vices_bench --pairs RUNS   so many runs of each driver over its wire with two vices at once,
+//   drawn
+//                          at random; status 1 if one gave energy or booked what was not there
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -11,6 +14,7 @@
 #include <cstdlib>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -29,8 +33,7 @@ using device::WireFault;
 using test::WiredDriver;
 
 constexpr double kRoundingJoule = 1e-6;
-constexpr double kFrom_s = 0.5;
-constexpr double kLength_s = 0.5;
+constexpr double kAfterwards_s = 0.5;
 // Of what is there as the device is enabled: after it was opened, and until then at most.
 constexpr double kOpened_s = 1e-4;
 constexpr double kEnabled_s = 30.0;
@@ -42,6 +45,10 @@ struct Vice {
   Duration watchdog{};  ///< 0: that of the emulator
   Duration latency{};   ///< that the session names
   enum Hold { kHostile, kStill, kNobody } hold = kHostile;
+  bool has_dead_man_button = false;  ///< held until the end, and let go once before
+  bool is_acknowledged_again = false;
+  double from_s = 0.5;
+  double length_s = 0.5;
 };
 
 const std::vector<Vice>& vices() {
@@ -61,6 +68,31 @@ const std::vector<Vice>& vices() {
       {"positions stand still", {WireFault::kStuck}},
       {"counters at 0", {WireFault::kEncoderZero}},
       {"power cycle", {WireFault::kPowerCycle}},
+      {"nothing compensates the arm's weight", {WireFault::kWeight}},
+      {"the grip is gone, its button held",
+       {WireFault::kGripGone},
+       {},
+       {},
+       {},
+       Vice::kHostile,
+       true},
+      {"the grip is off, its button held", {WireFault::kGripOff}, {}, {}, {}, Vice::kHostile, true},
+      {"the grip stands still, its button held",
+       {WireFault::kGripFrozen},
+       {},
+       {},
+       {},
+       Vice::kHostile,
+       true},
+      {"late, named, and held currents", {WireFault::kLate, WireFault::kTurning}, {}, {}, 2100us},
+      {"late, named, no watchdog, stalls of 20 ms",
+       {WireFault::kLate, WireFault::kNoWatchdog},
+       20ms,
+       {},
+       2100us},
+      {"no watchdog, unplugged", {WireFault::kNoWatchdog, WireFault::kUnplugged}},
+      {"no watchdog, no answers", {WireFault::kNoWatchdog, WireFault::kSilent}},
+      {"positions stand still, held currents", {WireFault::kStuck, WireFault::kTurning}},
       {"none at the start", {}, {}, {}, {}, Vice::kStill},
       {"none at the start, nobody holds it", {}, {}, {}, {}, Vice::kNobody},
       {"wrong sign at the start", {WireFault::kReversed}, {}, {}, {}, Vice::kStill},
@@ -69,9 +101,16 @@ const std::vector<Vice>& vices() {
       {"the same, nobody holds it", {WireFault::kStrong}, {}, {}, {}, Vice::kNobody},
       {"positions stand still at the start", {WireFault::kStuck}, {}, {}, {}, Vice::kStill},
       {"no supply at the start", {WireFault::kNoSupply}, {}, {}, {}, Vice::kStill},
+      {"weight at the start, nobody holds it", {WireFault::kWeight}, {}, {}, {}, Vice::kNobody},
       {"no supply", {WireFault::kNoSupply}},
       {"calibration lost", {WireFault::kUncalibrated}},
       {"answers doubled", {WireFault::kDoubled}},
+      {"one answer in 20 is lost", {WireFault::kDropped}},
+      {"answers in two transfers", {WireFault::kPartial}},
+      {"two answers in one transfer", {WireFault::kMerged}},
+      {"not in the service's list", {WireFault::kUnlisted}},
+      {"answers of another device", {WireFault::kWrongId}},
+      {"no answers", {WireFault::kSilent}},
       {"unplugged", {WireFault::kUnplugged}},
       {"garbage", {WireFault::kGarbage}},
       {"short answers", {WireFault::kShort}}};
@@ -101,14 +140,32 @@ bool has(WiredDriver driver, WireFault kind) {
     case WireFault::kPowerCycle:
       return is_hapi || is_wooden;
     case WireFault::kUncalibrated:
-    case WireFault::kDoubled:
+    case WireFault::kGripGone:
+    case WireFault::kGripOff:
+    case WireFault::kGripFrozen:
+    case WireFault::kUnlisted:
       return is_haply;
+    case WireFault::kPartial:
+      return !is_haply;
+    case WireFault::kWrongId:
+      return is_haply || is_hapi;
     default:
       return true;
   }
 }
 
-void print_row(const Wired& wired, const Vice& vice) {
+struct Outcome {
+  double least_joule = 0.0;
+  double most_unbooked_joule = 0.0;
+  double top_speed_m_per_s = 0.0;
+  double mean_newton = 0.0;
+  std::uint64_t ticks_beyond_friction = 0;
+  Duration pushed{};  ///< the motors, in the vice
+  DeviceCounters counters;
+  DevicePhase phase{};
+};
+
+Outcome run(const Wired& wired, const Vice& vice, std::uint64_t seed) {
   test::WiredSpec spec{.side = {}, .driver = wired.driver, .faults = {}};
   DeviceConfig& config = spec.side.device;
   config = test::device_config();
@@ -124,56 +181,155 @@ void print_row(const Wired& wired, const Vice& vice) {
                     .path = HostilePath{.radius_m = 0.012, .v_max_m_per_s = 0.25}};
   const bool is_at_start = vice.hold != Vice::kHostile;
   config.skips_motor_check = !is_at_start;
+  if (vice.has_dead_man_button) {
+    config.dead_man_button = 1;
+    spec.side.hand.presses = {{.button = 1, .from_s = 0.1, .until_s = 9.0}};
+  }
   if (vice.hold == Vice::kStill) spec.side.hand.path = HoldPath{};
   if (vice.hold == Vice::kNobody) spec.side.hand = device::nobody();
   for (const WireFault kind : vice.kinds) {
     spec.faults.push_back({.kind = kind,
-                           .from_s = is_at_start ? kOpened_s : kFrom_s,
-                           .length_s = is_at_start ? kEnabled_s : kLength_s});
+                           .from_s = is_at_start ? kOpened_s : vice.from_s,
+                           .length_s = is_at_start ? kEnabled_s : vice.length_s});
   }
+  if (vice.is_acknowledged_again) spec.limit = 200ms;
   test::DeviceNodeBench<test::WiredOnBench> bench(config, spec);
   bench.node.acknowledge();
-  test::HostileCommands commands(2, 3.3);
-  double most_unbooked = 0.0;
+  test::HostileCommands commands(seed, 3.3);
+  Outcome outcome;
   bench.on_state = [&](const DeviceState& state) {
-    most_unbooked = std::max(most_unbooked,
-                             bench.node.monitor_joule() - bench.device.true_state().energy_joule);
+    const device::TrueState truth = bench.device.true_state();
+    outcome.most_unbooked_joule =
+        std::max(outcome.most_unbooked_joule, bench.node.monitor_joule() - truth.energy_joule);
+    outcome.top_speed_m_per_s =
+        std::max(outcome.top_speed_m_per_s, truth.hand_velocity_m_per_s.norm());
     bench.send_answer(state.header.session_id, state.header.sequence,
                       commands.next(state.hand_position_m));
   };
   int fault_ticks = 0;
-  const TimePoint end(is_at_start ? from_seconds(kEnabled_s) : Duration(1500ms));
-  for (int tick = 0; bench.clock.now() < end; ++tick) {
+  int ticks = 0;
+  const TimePoint end(
+      from_seconds(is_at_start ? kEnabled_s : vice.from_s + vice.length_s + kAfterwards_s));
+  for (; bench.clock.now() < end; ++ticks) {
     if (is_at_start && bench.node.phase() != DevicePhase::kChecking) break;
-    if (vice.stall > 0ms && tick % 50 == 49) bench.clock.advance(vice.stall);
+    if (vice.stall > 0ms && ticks % 50 == 49) bench.clock.advance(vice.stall);
     // each release of a silent device takes a second of real time
     if (bench.node.has_fault() && ++fault_ticks > 10) bench.clock.advance(100ms);
+    if (vice.is_acknowledged_again && fault_ticks > 15 &&
+        bench.node.phase() != DevicePhase::kEnabled) {
+      fault_ticks = 0;
+      for (int signals = 0; signals < 3; ++signals) bench.node.acknowledge();
+    }
     bench.tick();
+    const double newton = bench.ticks.back().force_on_hand_newton.norm();
+    outcome.mean_newton += newton;
+    if (newton > 1.01 * config.profile.coulomb_newton) ++outcome.ticks_beyond_friction;
+    bench.states.clear();
+    bench.ticks.clear();
   }
-  Duration pushed{};
-  for (const device::FaultOutcome& outcome : bench.device.outcomes()) {
-    pushed = std::max(pushed, outcome.pushed_for);
+  outcome.mean_newton /= std::max(ticks, 1);
+  for (const device::FaultOutcome& fault : bench.device.outcomes()) {
+    outcome.pushed = std::max(outcome.pushed, fault.pushed_for);
   }
-  const DeviceCounters counters = bench.node.counters();
-  const bool is_fault = counters.device_faults > 0;
-  std::string until = "–";
-  if (is_fault && !is_at_start) {
-    char text[32];
-    std::snprintf(text, sizeof(text), "%.1f ms", 1e3 * to_seconds(pushed));
-    until = text;
+  outcome.least_joule = bench.device.true_state().minimum_energy_joule;
+  outcome.counters = bench.node.counters();
+  outcome.phase = bench.node.phase();
+  return outcome;
+}
+
+std::string decimals(int after_the_point, double value) {
+  char text[64];
+  std::snprintf(text, sizeof(text), "%.*f", after_the_point, value);
+  return text;
+}
+
+/// What the user is told.
+std::string told(const Outcome& outcome, const Vice& vice) {
+  const DeviceCounters& counters = outcome.counters;
+  if (counters.device_faults > 0) {
+    return std::string(name(counters.last_fault)) +
+           (counters.is_release_unconfirmed ? ", release unconfirmed" : "");
   }
-  std::string told = is_fault ? name(counters.last_fault) : "–";
-  if (is_at_start && !is_fault) {
-    char text[64];
-    std::snprintf(text, sizeof(text), "%s, gain ≥ %.2f", name(bench.node.phase()),
-                  counters.checked_motor_gain);
-    told = text;
+  if (vice.hold != Vice::kHostile) {
+    return std::string(name(outcome.phase)) + ", gain ≥ " +
+           decimals(2, counters.checked_motor_gain);
   }
-  if (!is_fault && counters.frozen_ticks > 0) told = "position stands still";
+  if (counters.frozen_ticks > 0) return "position stands still";
+  if (vice.has_dead_man_button) return "dead-man button released";
+  return "–";
+}
+
+void print_row(const Wired& wired, const Vice& vice) {
+  const Outcome outcome = run(wired, vice, 2);
+  const bool is_ended = outcome.counters.device_faults + outcome.counters.frozen_ticks > 0 ||
+                        vice.has_dead_man_button;
   std::printf("| %s | %s | %.0f | %.0f | %s | %s |\n", wired.name, vice.name,
-              std::round(1e6 * bench.device.true_state().minimum_energy_joule) + 0.0,
-              1e6 * most_unbooked, until.c_str(), told.c_str());
+              std::round(1e6 * outcome.least_joule) + 0.0, 1e6 * outcome.most_unbooked_joule,
+              is_ended && vice.hold == Vice::kHostile
+                  ? (decimals(1, 1e3 * to_seconds(outcome.pushed)) + " ms").c_str()
+                  : "–",
+              told(outcome, vice).c_str());
   std::fflush(stdout);
+}
+
+/// Two vices at once, of those that the promise covers or that end the force.
+Vice random_pair(const Wired& wired, std::uint64_t seed) {
+  static const std::vector<WireFault> kinds{
+      WireFault::kWatchdog20,   WireFault::kWatchdog100, WireFault::kWatchdog500,
+      WireFault::kNoWatchdog,   WireFault::kLate,        WireFault::kTurning,
+      WireFault::kWeight,       WireFault::kDropped,     WireFault::kPartial,
+      WireFault::kMerged,       WireFault::kDoubled,     WireFault::kUnlisted,
+      WireFault::kWrongId,      WireFault::kGarbage,     WireFault::kShort,
+      WireFault::kUncalibrated, WireFault::kPowerCycle,  WireFault::kEncoderZero};
+  Random random(seed);
+  Vice vice{.name = "two at random",
+            .kinds = {},
+            .is_acknowledged_again = true,
+            .from_s = 2.0,
+            .length_s = 1.0};
+  while (vice.kinds.size() < 2) {
+    const WireFault kind = kinds[random.below(kinds.size())];
+    if (!has(wired.driver, kind)) continue;
+    vice.kinds.push_back(kind);
+    if (kind == WireFault::kLate) vice.latency = 2100us;
+  }
+  return vice;
+}
+
+/// @return  whether no run gave energy and nothing was booked that was not there
+bool print_pairs(std::uint64_t runs) {
+  std::printf(
+      "| driver | runs with two vices | least true energy, µJ | books above it, µJ | faults | "
+      "ticks "
+      "above f_co | mean force |\n|---|---|---|---|---|---|---|\n");
+  bool is_good = true;
+  for (const Wired& wired : kWired) {
+    Outcome all;
+    std::uint64_t faults = 0;
+    for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+      const Outcome outcome = run(wired, random_pair(wired, seed), seed);
+      if (outcome.least_joule < -kRoundingJoule || outcome.most_unbooked_joule > kRoundingJoule) {
+        const Vice vice = random_pair(wired, seed);
+        std::fprintf(stderr, "%s seed %llu, vices %d and %d: %.3g µJ, books %.3g µJ\n", wired.name,
+                     static_cast<unsigned long long>(seed), static_cast<int>(vice.kinds[0]),
+                     static_cast<int>(vice.kinds[1]), 1e6 * outcome.least_joule,
+                     1e6 * outcome.most_unbooked_joule);
+      }
+      all.least_joule = std::min(all.least_joule, outcome.least_joule);
+      all.most_unbooked_joule = std::max(all.most_unbooked_joule, outcome.most_unbooked_joule);
+      all.ticks_beyond_friction += outcome.ticks_beyond_friction;
+      all.mean_newton += outcome.mean_newton / static_cast<double>(runs);
+      faults += outcome.counters.device_faults;
+    }
+    is_good =
+        is_good && all.least_joule >= -kRoundingJoule && all.most_unbooked_joule <= kRoundingJoule;
+    std::printf("| %s | %llu | %.1f | %.1f | %llu | %llu | %.2f N |\n", wired.name,
+                static_cast<unsigned long long>(runs), 1e6 * all.least_joule + 0.0,
+                1e6 * all.most_unbooked_joule + 0.0, static_cast<unsigned long long>(faults),
+                static_cast<unsigned long long>(all.ticks_beyond_friction), all.mean_newton);
+    std::fflush(stdout);
+  }
+  return is_good;
 }
 
 void print_table() {
@@ -238,18 +394,21 @@ void print_runs(const char* what, std::uint64_t runs,
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
+  using namespace palpate::bench;
   if (argc < 2) {
-    palpate::bench::print_table();
+    print_table();
     return 0;
   }
+  const bool is_of_pairs = std::string_view(argv[1]) == "--pairs";
+  const char* const number = argv[is_of_pairs ? 2 : 1];
   char* end = nullptr;
-  const std::uint64_t runs = std::strtoull(argv[1], &end, 10);
-  if (argc > 2 || *end != '\0' || runs == 0) {
-    std::fprintf(stderr, "vices_bench: \"%s\": give a number of runs above 0, or nothing\n",
-                 argv[1]);
+  const std::uint64_t runs = number != nullptr ? std::strtoull(number, &end, 10) : 0;
+  if (argc != (is_of_pairs ? 3 : 2) || *end != '\0' || runs == 0) {
+    std::fprintf(stderr,
+                 "vices_bench [[--pairs] RUNS]: give a number of runs above 0, or nothing\n");
     return 2;
   }
-  using palpate::bench::print_runs;
+  if (is_of_pairs) return print_pairs(runs) ? 0 : 1;
   using palpate::test::Books;
   std::printf(
       "| runs | number | least true energy, µJ | runs below −1 µJ | books above it, µJ | faults | "

@@ -15,14 +15,15 @@ struct WiredSpec {
   Side side;
   WiredDriver driver;
   std::vector<device::PlannedFault> faults;
+  Duration limit = std::chrono::seconds(1);  ///< of a transfer, in real time
 };
 
-/// Of a transfer 1 s, of the motors' watchdog 20 ms.
+/// Of the motors' watchdog 20 ms.
 class WiredOnBench : public device::HapticDevice, public device::TrueStateSource {
  public:
   WiredOnBench(const Clock& clock, const WiredSpec& spec)
       : device_(open_wired(spec.driver, spec.side, clock, 1, std::chrono::milliseconds(20),
-                           spec.faults, std::chrono::seconds(1))) {}
+                           spec.faults, spec.limit)) {}
 
   [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
     return device_->specification();
