@@ -89,9 +89,9 @@ struct ReadingDetails {
 /// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F),
 /// so M falls by no more, whatever the readings' resolution adds to an account (lemma:
 /// late_switch); a reading that only a hand faster than v_max can have made has no floor. One
-/// account lasts; the other one, while no force acts, begins anew at M if it has fallen below.
-/// WorkBound, which counts in another way, judges M and the clamp's ledger. One thread, no
-/// allocation, no throw.
+/// account lasts; the other one, while no force acts and none can have since the position was
+/// taken, begins anew at M if it has fallen below. WorkBound, which counts in another way, judges M
+/// and the clamp's ledger. One thread, no allocation, no throw.
 class ForceMonitor {
  public:
   explicit ForceMonitor(const DeviceConfig& config, const MotorEnds& ends = {}) noexcept
@@ -166,6 +166,7 @@ class ForceMonitor {
     archive(acting_newton_);
     archive(first_end_);
     archive(last_end_);
+    archive(acted_until_);
     archive(skew_s_);
     archive(covered_watt_);
     archive(credit_joule_);
@@ -200,6 +201,7 @@ class ForceMonitor {
   Vector3 acting_newton_ = Vector3::Zero();  ///< since then,
   TimePoint first_end_{};                    ///< until then at least
   TimePoint last_end_{};                     ///< and then at most
+  TimePoint acted_until_{};                  ///< the last force, by the commands
   double skew_s_ = 0.0;                      ///< of the last reading
   double covered_watt_ = kUncovered;         ///< D of what cover() let pass last in this tick
   double credit_joule_ = 0.0;                ///< left in this tick; below 0 a debt

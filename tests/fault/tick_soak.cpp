@@ -72,7 +72,6 @@ class Stretch {
     return turns_ > kWarmUpTurns ? turns_ - kWarmUpTurns : 0;
   }
   [[nodiscard]] std::uint64_t mallocs() const noexcept { return mallocs_; }
-  [[nodiscard]] std::uint64_t most_mallocs() const noexcept { return most_mallocs_; }
   [[nodiscard]] std::uint64_t locks() const noexcept { return locks_; }
 
  private:
@@ -236,9 +235,9 @@ TEST_F(TickSoak, ApartLibzmqAllocatesWhatIsStated) {
   answers.print("mofc_node: the answer");
   turns.print("mofc_node: hop 2 and telemetry, after the answer");
   ASSERT_GT(loop.tick.counted(), 1000U);
-  constexpr std::uint64_t kMostMallocs = 3;  // a body, room in the pipe, room in a mailbox
-  EXPECT_LE(loop.tick.most_mallocs(), kMostMallocs);
-  EXPECT_LE(answers.most_mallocs(), kMostMallocs);
+  // a body each; now and then room in a pipe or a mailbox
+  EXPECT_LE(loop.tick.mallocs(), loop.tick.counted() + loop.tick.counted() / 10);
+  EXPECT_LE(answers.mallocs(), answers.counted() + answers.counted() / 10);
   EXPECT_EQ(loop.rest.mallocs(), 0U);
 }
 

@@ -145,6 +145,36 @@ TEST(VicesTwin, SimpleBooksAreAboveTheTruthAfterAReleaseThatFailed) {
       5e-3);
 }
 
+/// Whose forces and positions of before the fault are still on their way.
+VicedRun acknowledged_at_once(std::uint64_t seed) {
+  VicedRun run = random_run_within_the_claim(seed);
+  run.vices.sensing = run.vices.actuation = std::chrono::milliseconds(2);
+  run.drops_per_message = 1e-2;
+  run.acknowledgements_per_tick = 1.0;
+  run.coulomb_newton = 0.1;
+  run.resolution_m = 1e-5;
+  run.has_dead_man_button = false;
+  return run;
+}
+
+TEST(Vices, AnAcknowledgementRightAfterAFaultBooksNothingTooMuch) {
+  const Worst worst = all_runs("acknowledged at once", 100, Books::kTrue, acknowledged_at_once,
+                               [](const VicedResult& result, std::uint64_t seed) {
+                                 EXPECT_GE(result.least_true_joule, -kRoundingJoule)
+                                     << "seed=" << seed;
+                                 kIsBooked(result, seed);
+                               });
+  EXPECT_GT(worst.faults, 1000U);
+}
+
+/// Both found by 10⁵ random runs: a force that the button has ended acts on beyond the reading that
+/// follows, so the account that begins anew there counted 6 and 3.8 µJ too much.
+TEST(Vices, AForceThatEndsLateIsNoBeginningOfAnAccount) {
+  for (const std::uint64_t seed : {36134U, 37290U}) {
+    kIsBooked(run_with_vices(random_run_within_the_claim(seed), Books::kTrue, seed), seed);
+  }
+}
+
 /// Coarse motors behind friction that a rounded fallback exceeds, and little else.
 VicedRun that_rounds(std::uint64_t seed) {
   VicedRun run;

@@ -189,7 +189,9 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
       bench.device.hold(is_held);
     }
     // a person comes, finds out why, and acknowledges
-    if (bench.node.has_fault() && random.chance(0.05)) bench.node.acknowledge();
+    if (bench.node.has_fault() && random.chance(run.acknowledgements_per_tick)) {
+      bench.node.acknowledge();
+    }
     if (run.sleeps_per_tick > 0.0 && random.chance(run.sleeps_per_tick)) {
       const Duration slept = from_seconds(random.uniform() * to_seconds(run.longest_sleep));
       bench.device.sleep(slept);

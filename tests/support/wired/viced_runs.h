@@ -23,8 +23,9 @@ struct VicedRun {
   double stalls_per_tick = 0.0;
   Duration longest_stall{};
   /// The answer to a message is lost this often per message; the message itself every other time.
-  /// The device faults, and a person acknowledges it again within 50 ms.
+  /// The device faults, and a person acknowledges it again.
   double drops_per_message = 0.0;
+  double acknowledgements_per_tick = 0.05;  ///< in a fault
   /// A release fails this often: the motors go on.
   double failed_releases = 0.0;
   /// The machine sleeps this often per tick, and for at most so long: the clock does not count it.
