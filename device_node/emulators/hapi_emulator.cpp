@@ -127,7 +127,8 @@ void HapiEmulator::answer(const std::byte* message) {
   const std::size_t size = fault == WireFault::kShort ? reading.size() / 2 : reading.size();
   bool is_later = false;
   for (const auto& transfer : device_.transfers_of(std::span(reading).first(size))) {
-    if (std::exchange(is_later, true)) std::this_thread::sleep_for(kLater);
+    const bool is_second = std::exchange(is_later, true);
+    if (is_second && device_.has(WireFault::kPartial)) std::this_thread::sleep_for(kLater);
     static_cast<void>(line_.write(transfer, 50ms));
   }
 }

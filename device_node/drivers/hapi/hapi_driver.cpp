@@ -63,6 +63,8 @@ class HapiDevice final : public WireDevice {
 
   Transfer exchange(const Vector3& requested_newton, DeviceSample& sample) noexcept override {
     if (!port_) return Transfer::kClosed;
+    // an answer too many: each would be that of an earlier message
+    if (angles_rad_ && port_->has_input()) return Transfer::kCorrupt;
     const Vector2 force_newton = in_plane(requested_newton);
     // torques by the angles of the last answer: a period old
     const std::optional<Matrix2> jacobian =

@@ -2,6 +2,7 @@
 #include "device_node/drivers/transport/packet_port.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -98,6 +99,11 @@ Transfer PacketPort::read(std::span<std::byte> buffer, std::size_t& size,
     const Transfer ready = wait_for(file_, POLLIN, deadline);
     if (ready != Transfer::kDone) return ready;
   }
+}
+
+bool PacketPort::has_input() const noexcept {
+  pollfd entry{.fd = file_, .events = POLLIN, .revents = 0};
+  return ::poll(&entry, 1, 0) > 0 && (entry.revents & POLLIN) != 0;
 }
 
 void PacketPort::discard_input() noexcept {

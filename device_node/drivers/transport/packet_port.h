@@ -43,6 +43,8 @@ class PacketPort {
                               Duration within) noexcept;
   /// Forgets what has arrived.
   void discard_input() noexcept;
+  /// Whether a packet waits that no read() has asked for.
+  [[nodiscard]] bool has_input() const noexcept;
   [[nodiscard]] int file() const noexcept { return file_; }
 
   /// The first packet of an emulator: what its device is.

@@ -174,6 +174,8 @@ class WoodenDevice final : public WireDevice {
   }
 
   Transfer exchange(const Vector3& force_newton, DeviceSample& sample) noexcept override {
+    // an answer too many: each would be that of an earlier message
+    if (port_ && angles_rad_ && port_->has_input()) return Transfer::kCorrupt;
     WoodenCommand command;
     sample.applied_force_newton = currents(force_newton, command.currents_ma);
     WoodenReading reading;

@@ -154,6 +154,10 @@ bool has(WiredDriver driver, WireFault kind) {
   }
 }
 
+bool is_of_motors(WireFault kind) {
+  return kind == WireFault::kNoWatchdog || kind == WireFault::kTurning;
+}
+
 struct Outcome {
   double least_joule = 0.0;
   double most_unbooked_joule = 0.0;
@@ -188,9 +192,11 @@ Outcome run(const Wired& wired, const Vice& vice, std::uint64_t seed) {
   if (vice.hold == Vice::kStill) spec.side.hand.path = HoldPath{};
   if (vice.hold == Vice::kNobody) spec.side.hand = device::nobody();
   for (const WireFault kind : vice.kinds) {
+    // motors are what they are from the start: where nothing reaches them, nothing changes them
+    const bool is_always = is_at_start || is_of_motors(kind);
     spec.faults.push_back({.kind = kind,
-                           .from_s = is_at_start ? kOpened_s : vice.from_s,
-                           .length_s = is_at_start ? kEnabled_s : vice.length_s});
+                           .from_s = is_always ? kOpened_s : vice.from_s,
+                           .length_s = is_always ? kEnabled_s : vice.length_s});
   }
   if (vice.is_acknowledged_again) spec.limit = 200ms;
   test::DeviceNodeBench<test::WiredOnBench> bench(config, spec);
@@ -229,7 +235,9 @@ Outcome run(const Wired& wired, const Vice& vice, std::uint64_t seed) {
   }
   outcome.mean_newton /= std::max(ticks, 1);
   for (const device::FaultOutcome& fault : bench.device.outcomes()) {
-    outcome.pushed = std::max(outcome.pushed, fault.pushed_for);
+    if (!is_of_motors(fault.fault.kind) || vice.kinds.size() == 1) {
+      outcome.pushed = std::max(outcome.pushed, fault.pushed_for);
+    }
   }
   outcome.least_joule = bench.device.true_state().minimum_energy_joule;
   outcome.counters = bench.node.counters();
