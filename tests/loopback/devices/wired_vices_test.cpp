@@ -11,6 +11,7 @@
 
 #include "device_node/simulation/hand.h"
 #include "tests/support/device_node_bench.h"
+#include "tests/support/wired/hostile_commands.h"
 #include "tests/support/wired/wired_on_bench.h"
 
 namespace palpate::test {
@@ -152,11 +153,136 @@ TEST_P(WiredVices, ThePushNeedsTheDeadManButtonAndBeginsAnewWithIt) {
   EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
 }
 
+/// With hostile commands, before a hand that may draw from each.
+struct Scenario {
+  explicit Scenario(const WiredSpec& spec) : bench(spec.side.device, spec), commands(3, 3.3) {
+    bench.on_state = [this](const DeviceState& state) {
+      const device::TrueState truth = bench.device.true_state();
+      most_unbooked_joule =
+          std::max(most_unbooked_joule, bench.node.monitor_joule() - truth.energy_joule);
+      bench.send_answer(state.header.session_id, state.header.sequence,
+                        commands.next(state.hand_position_m));
+    };
+  }
+  /// @return  the largest force of these ticks [N]
+  double run_until(Duration end) {
+    double newton = 0.0;
+    while (bench.clock.now() < TimePoint(end)) {
+      bench.tick();
+      newton = std::max(newton, bench.ticks.back().force_on_hand_newton.norm());
+    }
+    return newton;
+  }
+  void expect_no_energy_was_given() const {
+    EXPECT_GE(bench.device.true_state().minimum_energy_joule, -1e-6);
+    EXPECT_LE(most_unbooked_joule, 1e-6);
+  }
+
+  DeviceNodeBench<WiredOnBench> bench;
+  HostileCommands commands;
+  double most_unbooked_joule = 0.0;
+};
+
+class WiredScenarios : public WiredVices {
+ protected:
+  static WiredSpec hostile(WireFault fault, double from_s, double length_s) {
+    DeviceConfig config = checked_config();
+    config.skips_motor_check = true;
+    WiredSpec of =
+        spec(config, firm(HostilePath{.radius_m = 0.012, .v_max_m_per_s = 0.25}), fault, from_s);
+    of.faults.front().length_s = length_s;
+    return of;
+  }
+};
+
+// The last state of the grip says that its button is held.
+TEST_P(WiredScenarios, AGripThatVanishesWithItsButtonHeldEndsTheForce) {
+  if (GetParam() != WiredDriver::kHaply) GTEST_SKIP() << "has no grip of its own";
+  for (const auto kind : {WireFault::kGripGone, WireFault::kGripOff, WireFault::kGripFrozen}) {
+    SCOPED_TRACE(static_cast<int>(kind));
+    WiredSpec of = hostile(kind, 2.0, 1.0);
+    of.side.device.dead_man_button = 1;
+    of.side.hand.presses = {{.button = 1, .from_s = 0.1, .until_s = 4.0},
+                            {.button = 1, .from_s = 4.5, .until_s = 9.0}};
+    Scenario run(of);
+    run.bench.node.acknowledge();
+    EXPECT_GT(run.run_until(2s), 0.3) << "above f_co";
+    static_cast<void>(run.run_until(kind == WireFault::kGripFrozen ? 2251ms : 2001ms));
+    EXPECT_EQ(run.run_until(4499ms), 0.0) << "from that tick on, until it is let go and pressed";
+    EXPECT_GT(run.run_until(5500ms), 0.0);
+    EXPECT_EQ(run.bench.node.counters().device_faults, 0U);
+    run.expect_no_energy_was_given();
+  }
+}
+
+// The board comes back with its counters at 0, and with the torque that it was last told, or none.
+TEST_P(WiredScenarios, AfterAPowerCycleThereIsNoForceUntilItIsCalibratedAndAcknowledged) {
+  if (GetParam() != WiredDriver::kHapi && GetParam() != WiredDriver::kWooden) {
+    GTEST_SKIP() << "says itself that it has lost its calibration";
+  }
+  WiredSpec of = hostile(WireFault::kPowerCycle, 2.0, 0.1);
+  of.limit = 50ms;  // a board that is not set up is silent
+  Scenario run(of);
+  run.bench.node.acknowledge();
+  EXPECT_GT(run.run_until(2s), 0.3);
+  static_cast<void>(run.run_until(2001ms));
+  EXPECT_TRUE(run.bench.node.has_fault());
+  const auto newton_of_ticks = [&] {
+    double newton = 0.0;
+    for (int i = 0; i < 3; ++i) {
+      run.bench.clock.advance(600ms);
+      run.bench.tick();
+      newton = std::max(newton, run.bench.ticks.back().force_on_hand_newton.norm());
+    }
+    return newton;
+  };
+  EXPECT_EQ(newton_of_ticks(), 0.0);
+  // the connection, the calibration, the force: one signal each
+  run.bench.node.acknowledge();
+  EXPECT_NE(run.bench.node.phase(), DevicePhase::kEnabled);
+  EXPECT_EQ(newton_of_ticks(), 0.0);
+  run.bench.node.acknowledge();
+  EXPECT_NE(run.bench.node.phase(), DevicePhase::kEnabled);
+  EXPECT_EQ(newton_of_ticks(), 0.0);
+  run.bench.node.acknowledge();
+  if (GetParam() == WiredDriver::kHapi) {  // the emulated person holds it at home
+    EXPECT_EQ(run.bench.node.phase(), DevicePhase::kEnabled);
+    EXPECT_GT(run.run_until(run.bench.clock.now().time_since_epoch() + 1s), 0.0);
+  } else {  // nobody holds it at the calibration position
+    EXPECT_NE(run.bench.node.phase(), DevicePhase::kEnabled);
+    EXPECT_EQ(newton_of_ticks(), 0.0);
+  }
+  run.expect_no_energy_was_given();
+}
+
+// Beyond the claim: what the motors drew until the release was confirmed is a debt.
+TEST_P(WiredScenarios, AReleaseThatFailsIsSaidAndBooked) {
+  WiredSpec of = hostile(WireFault::kSilent, 2.0, 0.5);
+  of.faults.push_back({.kind = WireFault::kNoWatchdog, .from_s = 1e-4, .length_s = 60.0});
+  of.limit = 50ms;
+  Scenario run(of);
+  run.bench.node.acknowledge();
+  EXPECT_GT(run.run_until(2s), 0.3);
+  static_cast<void>(run.run_until(2005ms));
+  EXPECT_TRUE(run.bench.node.counters().is_release_unconfirmed);
+  run.bench.node.acknowledge();
+  EXPECT_EQ(run.bench.node.phase(), DevicePhase::kFaulted) << "no reset before it is confirmed";
+  run.bench.clock.advance(600ms);
+  static_cast<void>(run.run_until(2700ms));
+  EXPECT_FALSE(run.bench.node.counters().is_release_unconfirmed);
+  EXPECT_LE(run.most_unbooked_joule, 1e-6);
+}
+
 std::string name_of(const testing::TestParamInfo<WiredDriver>& info) {
   constexpr const char* kNames[] = {"Haply", "Hapi", "Falcon", "Wooden"};
   return kNames[static_cast<int>(info.param)];
 }
 INSTANTIATE_TEST_SUITE_P(Each, WiredVices,
+                         testing::Values(WiredDriver::kHaply, WiredDriver::kHapi,
+                                         WiredDriver::kFalcon, WiredDriver::kWooden),
+                         name_of);
+
+INSTANTIATE_TEST_SUITE_P(Each, WiredScenarios,
                          testing::Values(WiredDriver::kHaply, WiredDriver::kHapi,
                                          WiredDriver::kFalcon, WiredDriver::kWooden),
                          name_of);
