@@ -161,6 +161,16 @@ CheckOutcome check_applied(DeviceBench& bench) {
       return failed("apply() names " + text_of(at_switch.applied_force_newton, 1.0, "N") +
                     " as the force that acts, of " + text_of(wanted_newton, 1.0, "N"));
     }
+    bench.pass(bench.period());
+    DeviceSample later;
+    if (!bench.device().read(later)) return failed("read() gives no reading");
+    if (!later.measured_newton) continue;
+    // as device_node judges it
+    const double off_newton = (*later.measured_newton - at_switch.applied_force_newton).norm();
+    if (!(off_newton <= 0.25 * wanted_newton.norm() + kForceFloorNewton)) {
+      return failed("measured_newton is " + text_of(*later.measured_newton, 1.0, "N") + " while " +
+                    text_of(at_switch.applied_force_newton, 1.0, "N") + " acts");
+    }
   }
   const double most_newton =
       s.peak_force_newton + kForceTolerance * (s.peak_force_newton + kForceFloorNewton);

@@ -104,6 +104,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     sample.buttons = is("buttons") ? 4 : 0;
     if (is("NaN") || is("a switch without a reading")) sample.hand_position_m.z() = std::nan("");
     if (is("millimetres")) sample.hand_position_m = 1e3 * Vector3(0.02, 0.0, 0.0);
+    if (is("measures another force")) sample.measured_newton = Vector3(0, 0, 9);
     if (is("no unit quaternion")) sample.orientation.coeffs() *= 2.0;
     if (is("a clock of its own")) sample.sampled_at -= 5s;
     if (is("stamps repeat")) {
@@ -206,7 +207,8 @@ TEST(DeviceChecks, NameEachFault) {
                                               {"NaN accepted", "not finite"},
                                               {"allocates", "allocation"},
                                               {"a force that is not named", "applied"},
-                                              {"more than its peak", "applied"}};
+                                              {"more than its peak", "applied"},
+                                              {"measures another force", "applied"}};
   if (!test::kIsSanitized) check_of.emplace("calls malloc", "allocation");
   for (const auto& [fault, check] : check_of) {
     const CheckOutcome found = outcomes_of(fault, true)[check];
