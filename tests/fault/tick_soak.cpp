@@ -27,7 +27,7 @@
 #include "device_node/process.h"
 #include "mofc_node/process.h"
 #include "tests/support/alloc_guard.h"
-#include "tests/support/lock_watch.h"
+#include "tests/support/machine/lock_watch.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 

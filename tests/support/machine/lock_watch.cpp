@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/lock_watch.h"
+#include "tests/support/machine/lock_watch.h"
 
 #include <dlfcn.h>
 #include <pthread.h>
