@@ -22,6 +22,7 @@ inline void randomise(ElasticPoint& point, Random& random) {
            .version = 1 + static_cast<std::uint32_t>(random.below(1U << 20U)),
            .rest_m = random_vector(random, 1.0),
            .rigid_give_m_per_newton = static_cast<float>(random_magnitude(random, -11.0, 2.0)),
+           .is_held = random.chance(0.3),
            .step_m_per_newton = static_cast<float>(random_magnitude(random, -11.0, 2.0))};
   // v vᵀ and a diagonal
   std::array<int, 3> v{};

@@ -51,6 +51,7 @@ struct ElasticPatches::Model {
   std::array<Vector3, kElasticSlots> normals;
   std::array<Vector3, kElasticSlots> forces_newton;
   std::array<double, kElasticSlots> rigid_give;
+  std::array<char, kElasticSlots> is_held;
   alignas(64) std::array<float, kStride> moved_m{};
   Vector3 at_m = Vector3::Zero();  // the tip in the last sweep
   Vector3 force_on_tool_newton = Vector3::Zero();
@@ -120,6 +121,7 @@ class ElasticPatches::Patch {
     std::uint32_t version = 0;  // 0: none
     Vector3 rest_m = Vector3::Zero();
     double rigid_give = 0.0;
+    bool is_held = false;
   };
 
   [[nodiscard]] Model& current() noexcept { return models_[current_]; }
@@ -163,7 +165,8 @@ void ElasticPatches::Patch::take(const ElasticPoint& point) noexcept {
   if (point.version <= held.version) return;  // a repetition, or overtaken
   held = {.version = point.version,
           .rest_m = point.rest_m,
-          .rigid_give = static_cast<double>(point.rigid_give_m_per_newton)};
+          .rigid_give = static_cast<double>(point.rigid_give_m_per_newton),
+          .is_held = point.is_held};
   const double step = static_cast<double>(point.step_m_per_newton) / kElasticScale;
   const auto& [xx, xy, xz, yy, yz, zz] = point.own;
   Matrix3 own;
@@ -199,6 +202,7 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
   model.has_reached.fill(false);
   model.solved_newton.fill(Vector3::Zero());
   model.rigid_give.fill(1.0);
+  model.is_held.fill(0);
   model.clear_forces();
   for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
     const ElasticPlace& place = state_.places[slot];
@@ -230,6 +234,7 @@ void ElasticPatches::Patch::arrive(Model& model) noexcept {
     if (is_present && !model.is_present[slot]) {
       model.rest_m[slot] = held.rest_m;
       model.rigid_give[slot] = held.rigid_give;
+      model.is_held[slot] = held.is_held ? 1 : 0;
       model.solved_m[slot] = model.base_m[slot] =
           away_of(state, state.relaxation_s > 0.0 ? place.rest : place.away);
       model.placed_m[slot] = model.still_m[slot] = away_of(state, place.away);
@@ -267,6 +272,7 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
       .compliance_ratio = model.state.compliance_ratio,
       .base_m = model.base_m.data(),
       .rigid_give_m_per_newton = model.rigid_give.data(),
+      .is_held = model.is_held.data(),
       .normals = model.normals.data(),
       .forces_newton = model.forces_newton.data(),
       .moved_m = model.moved_m.data(),

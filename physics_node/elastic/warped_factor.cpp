@@ -2,6 +2,7 @@
 #include "physics_node/elastic/warped_factor.h"
 
 #include <algorithm>
+#include <array>
 
 namespace palpate::elastic {
 namespace {
@@ -107,6 +108,28 @@ void WarpedFactor::solve(const double* gradient, double* direction) {
       to[i] = r[3 * i] * d[0] + r[3 * i + 1] * d[1] + r[3 * i + 2] * d[2];
     }
   }
+}
+
+void WarpedFactor::columns(std::span<const std::uint32_t> nodes, std::span<const std::uint32_t> at,
+                           std::span<float* const> values) {
+  const std::vector<std::int32_t>& row_of = body_->pattern().row_of;
+  std::array<std::uint32_t, kMostColumns> rows{};
+  std::transform(nodes.begin(), nodes.end(), rows.begin(),
+                 [&](std::uint32_t node) { return static_cast<std::uint32_t>(row_of[node]); });
+  const auto read = [&](auto& cholesky) {
+    cholesky.solve_columns({rows.data(), nodes.size()});
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const std::int32_t row = row_of[at[i]];
+      for (std::size_t j = 0; j < nodes.size(); ++j) {
+        for (std::size_t k = 0; k < 9; ++k) {
+          values[j][9 * i + k] = row < 0 ? 0.0F
+                                         : static_cast<float>(cholesky.column_entry(
+                                               static_cast<std::uint32_t>(row), k / 3, j, k % 3));
+        }
+      }
+    }
+  };
+  std::visit(read, cholesky_);
 }
 
 }  // namespace palpate::elastic

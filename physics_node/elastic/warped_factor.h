@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <variant>
 #include <vector>
 
@@ -36,6 +37,13 @@ class WarpedFactor {
 
   /// direction = A⁻¹ gradient, 3 per node, 0 at fixed nodes. No allocation.
   void solve(const double* gradient, double* direction);
+
+  /// Where it was factorised: how the nodes `at` give way to unit forces at each of up to
+  /// kMostColumns free nodes. values[j] + 9 i: at[i] under forces at nodes[j], 3 × 3, row-major.
+  /// Cheaper than as many solutions. Allocates.
+  void columns(std::span<const std::uint32_t> nodes, std::span<const std::uint32_t> at,
+               std::span<float* const> values);
+  static constexpr std::size_t kMostColumns = BlockCholesky<float>::kMostColumns;
 
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
   /// The last factor is that of the exact stiffness.

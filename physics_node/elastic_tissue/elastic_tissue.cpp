@@ -356,7 +356,8 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.contact.emplace(compliance_, 0.0, body_->contact_stiffness_pa_per_m);
   draft.patch_m = touch.centre_m + kAhead * step_s * tool.velocity_m_per_s;
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
-                         draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m);
+                         draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m,
+                         tool.slow_normal);
   draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_.v_m_per_s(),
                        simulation_.acceleration_m_per_s2());
   draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s,
@@ -446,11 +447,17 @@ double ElasticTissue::surface_offset_by_other_tools_m(std::size_t tool, std::siz
   for (std::size_t other = 0; other < tools_.size(); ++other) {
     const std::vector<elastic::Vector3d>& forces = simulation_.touch(other).forces_on_body_newton;
     if (other == tool || forces.empty()) continue;
+    std::vector<std::uint32_t> nodes;
+    for (std::size_t p = 0; p < forces.size(); ++p) {
+      const elastic::SurfacePoint& from = body_->points[p];
+      if (forces[p].isZero(0.0)) continue;
+      nodes.insert(nodes.end(), from.nodes.begin(), from.nodes.begin() + from.count);
+    }
+    compliance_.require(nodes);
     for (std::size_t p = 0; p < forces.size(); ++p) {
       if (forces[p].isZero(0.0)) continue;
       const elastic::SurfacePoint& from = body_->points[p];
       for (std::size_t b = 0; b < static_cast<std::size_t>(from.count); ++b) {
-        compliance_.require(from.nodes[b]);
         const float* columns = compliance_.columns(from.nodes[b]);
         for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
           const auto row = static_cast<std::size_t>(compliance_.row_of(at.nodes[a]));

@@ -71,16 +71,28 @@ void PatchMaker::gather(const ElasticSimulation::Touch& touch, const elastic::Ve
   });
 }
 
-/// Its columns are there.
+/// Its columns are there, or are to be made.
 bool PatchMaker::is_ready(std::uint32_t point, int& most_columns) {
   const elastic::SurfacePoint& at = body_.points[point];
   for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
     if (compliance_.all_columns().contains(at.nodes[a])) continue;
+    if (std::find(new_nodes_.begin(), new_nodes_.end(), at.nodes[a]) != new_nodes_.end()) continue;
     if (most_columns <= 0) return false;
     --most_columns;
-    compliance_.require(at.nodes[a]);
+    new_nodes_.push_back(at.nodes[a]);
   }
   return true;
+}
+
+/// Makes the columns of new_nodes_, and keeps those of the points that are there.
+void PatchMaker::require() {
+  for (const std::optional<std::uint32_t>& point : point_in_) {
+    if (!point) continue;
+    const elastic::SurfacePoint& at = body_.points[*point];
+    new_nodes_.insert(new_nodes_.end(), at.nodes.begin(), at.nodes.begin() + at.count);
+  }
+  compliance_.require(new_nodes_);
+  new_nodes_.clear();
 }
 
 /// Displacement of a point under a force at another one, at rest.
@@ -116,9 +128,7 @@ void PatchMaker::assign(std::uint32_t slot, std::uint32_t index) {
   std::array<Eigen::Matrix3d, kElasticSlots> blocks;
   const Eigen::Matrix3d computed = give(index, index);
   Eigen::Matrix3d own = 0.5 * (computed + computed.transpose());
-  if (at.is_held(body_.body->pattern())) {
-    own.diagonal().array() += static_cast<double>(point.rigid_give_m_per_newton);
-  }
+  point.is_held = at.is_held(body_.body->pattern());
   double largest = own.cwiseAbs().maxCoeff();
   for (std::size_t other = 0; other < kElasticSlots; ++other) {
     if (other == slot || !point_in_[other]) continue;
@@ -189,6 +199,7 @@ void PatchMaker::update(const Tip& tip, const ElasticSimulation::Touch& touch,
       missing.push_back(one.point);
     }
   }
+  require();
   // first the slots that were never used
   std::uint32_t slot = 0;
   const auto next_slot = [&](bool is_used) {
@@ -249,14 +260,14 @@ void PatchMaker::describe(const ElasticSimulation::Touch& touch, const elastic::
   for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
     if (!point_in_[slot]) continue;
     const elastic::SurfacePoint& point = body_.points[*point_in_[slot]];
+    forces[slot] =
+        has_forces ? touch.forces_on_body_newton[*point_in_[slot]] : Vector3(Vector3::Zero());
     const Vector3 at_m = point.position_m(x_m.data());
     patch_.slots[slot].distance_m =
         elastic_distance_m(state.normal, state.from_m, state.to_m, at_m);
     away[slot] = at_m - state.from_m;
     ways_m[slot] = at_m - patch_.slots[slot].point.rest_m;
     rates_m[slot] = state.relaxation_s * point.position_m(v_m_per_s.data());
-    forces[slot] =
-        has_forces ? touch.forces_on_body_newton[*point_in_[slot]] : Vector3(Vector3::Zero());
     if (!forces[slot].isZero(0.0)) {
       patch_.slots[slot].distance_m = -1.0;
       pressed_at_[slot] = state.number;

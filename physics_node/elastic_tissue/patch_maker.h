@@ -59,6 +59,7 @@ class PatchMaker {
   };
   void gather(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m);
   [[nodiscard]] bool is_ready(std::uint32_t point, int& most_columns);
+  void require();
   void assign(std::uint32_t slot, std::uint32_t point);
   [[nodiscard]] Eigen::Matrix3d give(std::uint32_t at, std::uint32_t under) const;
   void describe(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m,
@@ -75,6 +76,7 @@ class PatchMaker {
   std::array<std::uint32_t, kElasticSlots> pressed_at_{};  // number of the state; 0: never
   std::vector<std::int16_t> slot_of_;                      // by point of the body; −1: none
   std::vector<Candidate> candidates_;
+  std::vector<std::uint32_t> new_nodes_;  // whose columns are to be made
   std::uint32_t next_version_ = 1;
   bool is_complete_ = false;
 };

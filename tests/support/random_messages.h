@@ -650,7 +650,7 @@ inline bool same(const ElasticNews& a, const ElasticNews& b) {
     }
     return p.patch == q.patch && p.slot == q.slot && p.version == q.version &&
            same(p.rest_m, q.rest_m) && p.rigid_give_m_per_newton == q.rigid_give_m_per_newton &&
-           p.step_m_per_newton == q.step_m_per_newton && p.own == q.own;
+           p.is_held == q.is_held && p.step_m_per_newton == q.step_m_per_newton && p.own == q.own;
   }
   const ElasticState& s = a.state;
   const ElasticState& t = b.state;

@@ -8,8 +8,8 @@
 namespace palpate {
 namespace {
 
-// A point that gives way by at most so many times its penalty is held, or nearly so.
-constexpr double kHeldGive = 2.0;
+// Of what a point moves aside, its normal follows so much.
+constexpr double kAside = 0.5;
 
 PALPATE_CLONES void add_three(const float* m, std::size_t stride, const float* x, float* y) {
   const float* const m1 = m + stride;
@@ -41,7 +41,8 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
     Vector3 at_m = place_of(sphere, i);
     if (sphere.still_m != nullptr) {
       const Vector3& still_m = sphere.still_m[i];
-      at_m = still_m + sphere.along * sphere.along.dot(at_m - still_m);
+      const Vector3 moved_m = at_m - still_m;
+      at_m = still_m + (1.0 - kAside) * sphere.along.dot(moved_m) * sphere.along + kAside * moved_m;
     }
     const Vector3 away = at_m - sphere.center_m;
     sphere.normals[i] = away / std::max(away.norm(), 1e-9);
@@ -64,13 +65,8 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
       }
       const double give = std::max(0.0, normal.dot(own * normal));
       const double along = force.dot(normal);
-      // The penalty gives way at once, a viscous body at its pace.
-      // The compliance of a point that is held includes its penalty.
       const double least = sphere.rigid_give_m_per_newton[i];
-      const double still = give / sphere.pace;
-      const double more = still < least               ? least
-                          : still < kHeldGive * least ? (1.0 - sphere.pace) * least
-                                                      : 0.0;
+      const double more = sphere.is_held[i] != 0 || give < sphere.pace * least ? least : 0.0;
       const double press =
           std::max(0.0, more > 0.0 ? (give * along - gap) / (give + more) : along - gap / give);
       Vector3 wanted = press * normal;
@@ -79,7 +75,7 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
         const Vector3 slide = at_m - sphere.reached_m[i] - sphere.way_m;
         Vector3 tangential = force - force.dot(normal) * normal;
         const Vector3 sliding = slide - slide.dot(normal) * normal;
-        tangential -= sliding / std::max(1e-30, own.trace() / 3.0);
+        tangential -= sliding / std::max(1e-30, own.trace() / 3.0 + more);
         const double limit = sphere.friction_coefficient * press;
         const double size = tangential.norm();
         wanted += size > limit ? Vector3(tangential * (limit / size)) : tangential;
@@ -87,7 +83,7 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
       const Vector3 change = wanted - force;
       if (change.isZero(0.0)) continue;
       force = wanted;
-      largest_m = std::max(largest_m, give * change.norm());
+      largest_m = std::max(largest_m, (give + more) * change.norm());
       add_columns(sphere, i, change, sphere.moved_m);
       if (--most_changes <= 0) return sweeps + 1;
     }

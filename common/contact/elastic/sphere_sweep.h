@@ -23,16 +23,20 @@ struct SphereSweep {
   double compliance_ratio = 1.0;    ///< times the matrix
   const Vector3* base_m = nullptr;  ///< without what the compliance adds
   const double* rigid_give_m_per_newton = nullptr;  ///< of the penalty of a point that is held fast
-  Vector3* normals = nullptr;                       ///< scratch
-  Vector3* forces_newton = nullptr;                 ///< on the body; warm start, and result
-  float* moved_m = nullptr;  ///< that the compliance adds under these forces, `stride` long
+  /// Points that give way to their penalty besides, at any pace: a node of theirs is fixed. What
+  /// the sphere presses them in is left in their places.
+  const char* is_held = nullptr;
+  Vector3* normals = nullptr;        ///< scratch
+  Vector3* forces_newton = nullptr;  ///< on the body; warm start, and result
+  float* moved_m = nullptr;          ///< that the compliance adds under these forces, `stride` long
 
   Vector3 center_m = Vector3::Zero();
   double radius_m = 0.0;
 
-  /// Normals see the points here, but for what they have moved along `along`, the unit normal of
-  /// the surface. Rest compliance lets points that are pressed hard slide round the sphere; normals
-  /// that turned with them would drive them on. Null: normals follow the points.
+  /// Normals follow what the points have moved from here along `along`, the unit normal of the
+  /// surface, and half of what they have moved aside. Rest compliance lets points that are pressed
+  /// hard slide round the sphere; normals that turned with them would drive them on. Null: normals
+  /// follow the points.
   const Vector3* still_m = nullptr;
   Vector3 along = Vector3::UnitZ();
 
@@ -47,8 +51,8 @@ struct SphereSweep {
 
 /// Gauss–Seidel: unilateral, Coulomb friction. At most so many sweeps, and changes of a force.
 /// Normals are those at the beginning: if they turned with the points, sweeps would not converge. A
-/// point that gives way less than its penalty, because it is held fast or nearly so, is pressed by
-/// that, at any pace. No allocation, no throw. Time: count · sweeps + 9 count · changes.
+/// point that gives way less than its penalty is pressed by that, like one that is held. No
+/// allocation, no throw. Time: count · sweeps + 9 count · changes.
 /// @return  the sweeps made
 int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
           double tolerance_m) noexcept;

@@ -39,6 +39,7 @@ struct ElasticPoint {
   std::uint32_t version = 0;             ///< > 0, higher than all before it in this patch
   Vector3 rest_m = Vector3::Zero();      ///< W, untouched
   float rigid_give_m_per_newton = 0.0F;  ///< > 0; of a point that the body does not let give way
+  bool is_held = false;                  ///< gives way to that besides: a node of it is fixed
   float step_m_per_newton = 0.0F;        ///< > 0; of 1 in the integers, times kElasticScale
   /// How the point itself gives way: xx xy xz yy yz zz, positive semidefinite.
   std::array<std::int16_t, 6> own{};

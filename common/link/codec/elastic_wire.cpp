@@ -34,6 +34,7 @@ void put_point(const ElasticPoint& point, v1::ElasticPoint& to) {
   to.set_version(point.version);
   put(point.rest_m, *to.mutable_rest_m());
   to.set_rigid_give_m_per_newton(point.rigid_give_m_per_newton);
+  to.set_is_held(point.is_held);
   to.set_step_m_per_newton(point.step_m_per_newton);
   put_all(point.own, *to.mutable_own());
   std::string& others = *to.mutable_others();
@@ -90,6 +91,7 @@ void read(const v1::ElasticPoint& wire, ElasticPoint& point) {
   point.version = wire.version();
   point.rest_m = vector(wire.rest_m());
   point.rigid_give_m_per_newton = wire.rigid_give_m_per_newton();
+  point.is_held = wire.is_held();
   point.step_m_per_newton = wire.step_m_per_newton();
   read_all(wire.own(), 0, point.own);
   point.has_other.reset();

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -37,8 +38,6 @@ SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
   }
   turns_.resize(9 * body.node_count());
   turn_to(no_rotations(body.node_count()));
-  load_ = VectorXd::Zero(body.rest_m().size());
-  answer_ = load_;
 }
 
 void SurfaceCompliance::clear() {
@@ -56,39 +55,49 @@ void SurfaceCompliance::turn_to(const std::vector<double>& rotations) {
   }
 }
 
-void SurfaceCompliance::require(std::uint32_t node) {
-  required_[node] = ++requires_;
-  if (columns_.contains(node)) return;
-  if (!factor_.is_ready() && !has_no_factor_) {
-    has_no_factor_ = !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
-  }
-  if (has_no_factor_) {
-    throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
-  }
+/// For the columns of a node; those that were not required since then may go.
+std::vector<float>& SurfaceCompliance::room_for(std::uint32_t node, std::uint64_t since) {
   while (columns_.size() > 1 && (columns_.size() + 1) * 9 * nodes_.size() > most_floats_) {
     // those of a file that were never required go first
     const auto oldest = std::min_element(
         columns_.begin(), columns_.end(),
         [&](const auto& a, const auto& b) { return required_[a.first] < required_[b.first]; });
+    if (required_[oldest->first] > since) break;
     required_.erase(oldest->first);
     columns_.erase(oldest);
   }
   std::vector<float>& values = columns_[node];
   values.assign(9 * nodes_.size(), 0.0F);
-  if (body_.pattern().row_of[node] < 0) return;  // a fixed node gives way to nothing
-  ++made_;
-  factor_.turn_back();
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    load_[3 * Eigen::Index{node} + axis] = 1.0;
-    factor_.solve(load_.data(), answer_.data());
-    load_[3 * Eigen::Index{node} + axis] = 0.0;
-    for (std::size_t row = 0; row < nodes_.size(); ++row) {
-      for (std::size_t i = 0; i < 3; ++i) {
-        values[9 * row + 3 * i + static_cast<std::size_t>(axis)] = static_cast<float>(
-            answer_[3 * Eigen::Index{nodes_[row]} + static_cast<Eigen::Index>(i)]);
-      }
+  return values;
+}
+
+void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
+  const std::uint64_t since = requires_;
+  for (const std::uint32_t node : nodes) required_[node] = ++requires_;
+  std::array<std::uint32_t, WarpedFactor::kMostColumns> together{};
+  std::array<float*, WarpedFactor::kMostColumns> values{};
+  std::size_t count = 0;
+  const auto solve = [&] {
+    made_ += count;
+    factor_.columns({together.data(), count}, nodes_, {values.data(), count});
+    count = 0;
+  };
+  for (const std::uint32_t node : nodes) {
+    if (columns_.contains(node)) continue;
+    if (!factor_.is_ready() && !has_no_factor_) {
+      has_no_factor_ =
+          !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
     }
+    if (has_no_factor_) {
+      throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
+    }
+    std::vector<float>& room = room_for(node, since);
+    if (body_.pattern().row_of[node] < 0) continue;  // a fixed node gives way to nothing
+    together[count] = node;
+    values[count++] = room.data();
+    if (count == together.size()) solve();
   }
+  if (count > 0) solve();
 }
 
 CondensedContact::CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
@@ -99,7 +108,8 @@ CondensedContact::CondensedContact(SurfaceCompliance& compliance, double frictio
 
 void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                                const std::vector<Vector3d>& forces_on_body_newton,
-                               const Vector3d& centre_m, int most_points, double within_m) {
+                               const Vector3d& centre_m, int most_points, double within_m,
+                               const Vector3d& along) {
   std::vector<std::size_t> order(points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::vector<double> distances;
@@ -126,15 +136,22 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   displacements_m_.assign(stride_, 0.0F);
   positions_m_.clear();
   rigid_give_.clear();
+  is_held_.clear();
   forces_newton_.clear();
+  std::vector<std::uint32_t> nodes;
+  for (const std::size_t point : chosen_) {
+    const auto& own = points[point].nodes;
+    nodes.insert(nodes.end(), own.begin(), own.begin() + points[point].count);
+  }
+  compliance_.require(nodes);
   for (std::size_t j = 0; j < count; ++j) {
     const SurfacePoint& at = points[chosen_[j]];
     positions_m_.push_back(at.position_m(x_m.data()));
+    is_held_.push_back(at.is_held(compliance_.body().pattern()));
     rigid_give_.push_back(1.0 / (stiffness_pa_per_m_ * std::max(at.area_m2, kLeastArea_m2)));
     forces_newton_.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
                                                            : forces_on_body_newton[chosen_[j]]);
     for (std::size_t b = 0; b < static_cast<std::size_t>(at.count); ++b) {
-      compliance_.require(at.nodes[b]);
       const float* columns = compliance_.columns(at.nodes[b]);
       // of the unit forces, in the frame of the columns
       const RowMajor3f turned =
@@ -164,14 +181,9 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
       }
     }
   }
-  // a point that is held gives way to the penalty besides, as in the full solution
-  for (std::size_t j = 0; j < count; ++j) {
-    if (!points[chosen_[j]].is_held(compliance_.body().pattern())) continue;
-    for (std::size_t k = 3 * j; k < 3 * j + 3; ++k) {
-      among_[k * stride_ + k] += static_cast<float>(rigid_give_[j]);
-    }
-  }
   reached_m_ = positions_m_;
+  still_m_ = positions_m_;
+  along_ = along;
   base_forces_newton_ = forces_newton_;
   first_m_ = x_m;
   equilibria_.assign(1, {.sum_newton = sum_of_forces_newton(),
@@ -410,6 +422,12 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
   begin_swing(step_s, pace);
   start_between(sum_of_forces_newton());
   add_swing(pace);
+  const bool has_two = equilibria_.size() > 1;
+  for (std::size_t i = 0; i < still_m_.size(); ++i) {
+    still_m_[i] = equilibria_[lower_].positions_m[i];
+    if (has_two) still_m_[i] += share_ * (equilibria_[lower_ + 1].positions_m[i] - still_m_[i]);
+    if (!modal_.is_empty()) still_m_[i] += modal_.at(i, modal_.amount_after(base_forces_newton_));
+  }
   for (std::size_t i = 0; i < held_m_.size(); ++i) {
     held_m_[i] = bases_m[i];
     for (std::size_t b = 0; b < branches_.size(); ++b) {
@@ -421,11 +439,14 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
                            .stride = stride_,
                            .base_m = branches_.empty() ? bases_m.data() : held_m_.data(),
                            .rigid_give_m_per_newton = rigid_give_.data(),
+                           .is_held = is_held_.data(),
                            .normals = normals_.data(),
                            .forces_newton = forces_newton_.data(),
                            .moved_m = displacements_m_.data(),
                            .center_m = centre_m,
                            .radius_m = radius_m,
+                           .still_m = along_.isZero(0.0) ? nullptr : still_m_.data(),
+                           .along = along_,
                            .friction_coefficient = friction_coefficient_,
                            .way_m = way,
                            .reached_m = reached_m_.data(),

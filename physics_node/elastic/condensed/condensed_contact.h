@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -30,10 +31,11 @@ class SurfaceCompliance {
 
   static constexpr std::size_t kMostFloats = 64UL << 20U;  // 256 MiB
 
-  /// Makes the columns of a node unless they are there: three solutions. Allocates.
+  /// Makes the columns of nodes unless they are there, several together. These stay, whatever
+  /// memory they take. Allocates.
   /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once until
   ///     clear()
-  void require(std::uint32_t node);
+  void require(std::span<const std::uint32_t> nodes);
   /// Forgets all columns: the factor is another one. What turned since is nothing.
   void clear();
   /// What every node has turned since the factor was made: a quaternion per node of the body; for
@@ -62,6 +64,8 @@ class SurfaceCompliance {
   void set_columns(Columns columns) { columns_ = std::move(columns); }
 
  private:
+  std::vector<float>& room_for(std::uint32_t node, std::uint64_t since);
+
   const Body& body_;
   WarpedFactor& factor_;
   std::vector<std::uint32_t> nodes_;
@@ -71,8 +75,6 @@ class SurfaceCompliance {
   std::uint64_t requires_ = 0;
   std::size_t most_floats_;
   std::vector<float> turns_;  // 9 per node of the body
-  VectorXd load_;
-  VectorXd answer_;
   std::size_t made_ = 0;
   bool has_no_factor_ = false;
 };
@@ -109,9 +111,10 @@ class CondensedContact {
   /// slow thread. Allocates.
   /// @param most_points  of them kUsualPoints, and more only as far as they are
   /// @param within_m     of the centre
+  /// @param along        unit normal of the surface; zero: it is not known @see SphereSweep
   void prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                const std::vector<Vector3d>& forces_on_body_newton, const Vector3d& centre_m,
-               int most_points, double within_m = 0.0);
+               int most_points, double within_m = 0.0, const Vector3d& along = Vector3d::Zero());
 
   /// After prepare(), before relax(): in steps of some length these modes of the body move as their
   /// inertia lets them, from the full solution of prepare() on; in steps of no length they are at
@@ -211,11 +214,14 @@ class CondensedContact {
   double share_ = 0.0;                   // so far from it to the next
   std::vector<Vector3d> positions_m_;    // there, without what the compliance adds
   std::vector<double> rigid_give_;       // of the penalty at each point [m/N]
+  std::vector<char> is_held_;
   std::vector<Vector3d> base_forces_newton_;
   std::vector<Vector3d> forces_newton_;  // on the body
-  std::vector<Vector3d> reached_m_;      // the points at the end of the last step
-  std::vector<float> displacements_m_;   // that the compliance adds, 3 each
-  std::vector<float> among_;             // column-major 3n × 3n; without the modes of modal_
+  std::vector<Vector3d> still_m_;        // the points between the equilibria @see SphereSweep
+  Vector3d along_ = Vector3d::UnitZ();
+  std::vector<Vector3d> reached_m_;     // the points at the end of the last step
+  std::vector<float> displacements_m_;  // that the compliance adds, 3 each
+  std::vector<float> among_;            // column-major 3n × 3n; without the modes of modal_
   ModalMotion modal_;
   std::vector<float> stepped_;       // among_ and what the modes give way in a step of this pace
   double stepped_pace_ = 0.0;        // 0: among_ was changed

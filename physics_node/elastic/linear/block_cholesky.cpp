@@ -161,6 +161,52 @@ void BlockCholesky<Scalar>::solve(const double* b, double* x) {
   }
 }
 
+template <class Scalar>
+void BlockCholesky<Scalar>::solve_columns(std::span<const std::uint32_t> rows) {
+  constexpr std::size_t kBlock = std::size_t{3} * kTogether;
+  together_.assign(kBlock * pattern_->size(), Scalar{0});
+  work_together_.resize(work_.size() / 2 * kTogether);
+  const std::size_t count = symbolic_->supernodes.size();
+  std::vector<char> is_reached(count, 0);
+  for (std::size_t which = 0; which < rows.size(); ++which) {
+    const std::size_t at = symbolic_->position[rows[which]];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      together_[kBlock * at + kTogether * axis + 3 * which + axis] = Scalar{1};
+    }
+    const auto after = std::upper_bound(
+        symbolic_->supernodes.begin(), symbolic_->supernodes.end(), at,
+        [](std::size_t place, const Supernode& node) { return place < node.first; });
+    is_reached[static_cast<std::size_t>(after - symbolic_->supernodes.begin()) - 1] = 1;
+  }
+  for (std::size_t s = 0; s < count; ++s) {
+    if (is_reached[s] == 0) continue;
+    const Supernode& node = symbolic_->supernodes[s];
+    if (node.parent >= 0) is_reached[static_cast<std::size_t>(node.parent)] = 1;
+    Scalar* mine = together_.data() + kBlock * node.first;
+    const int pivots = static_cast<int>(3 * node.columns);
+    multiply_together(panel(s), rows_of(node), pivots, mine, work_together_.data());
+    std::copy_n(work_together_.data(), kBlock * node.columns, mine);
+    const Scalar* change = work_together_.data() + kBlock * node.columns;
+    for (const std::uint32_t row : node.rows_below) {
+      Scalar* to = together_.data() + kBlock * row;
+      for (std::size_t k = 0; k < kBlock; ++k) to[k] -= change[k];
+      change += kBlock;
+    }
+  }
+  for (std::size_t s = count; s-- > 0;) {
+    const Supernode& node = symbolic_->supernodes[s];
+    Scalar* mine = together_.data() + kBlock * node.first;
+    const int pivots = static_cast<int>(3 * node.columns);
+    Scalar* right = std::copy_n(mine, kBlock * node.columns, work_together_.data());
+    for (const std::uint32_t row : node.rows_below) {
+      const Scalar* from = together_.data() + kBlock * row;
+      for (std::size_t k = 0; k < kBlock; ++k) right[k] = -from[k];
+      right += kBlock;
+    }
+    multiply_transposed_together(panel(s), rows_of(node), pivots, work_together_.data(), mine);
+  }
+}
+
 template class BlockCholesky<float>;
 template class BlockCholesky<double>;
 

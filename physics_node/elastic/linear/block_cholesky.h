@@ -4,9 +4,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "physics_node/elastic/linear/block_matrix.h"
+#include "physics_node/elastic/linear/dense_kernels.h"
 #include "physics_node/elastic/linear/elimination_order.h"
 
 namespace palpate::elastic {
@@ -28,6 +30,18 @@ class BlockCholesky {
   /// x = A⁻¹ b, both 3 per row of the pattern. b and x may be the same. No allocation.
   void solve(const double* b, double* x);
 
+  /// Columns of A⁻¹ for up to kMostColumns rows of the pattern, read by column_entry() until the
+  /// next call. Costs less than as many solutions: a panel is read once for all, and on the way up
+  /// only those that a column reaches. Allocates in its first call.
+  void solve_columns(std::span<const std::uint32_t> rows);
+  /// A⁻¹ at a row of the pattern, for the which-th of the columns, 3 × 3.
+  [[nodiscard]] Scalar column_entry(std::uint32_t row, std::size_t i, std::size_t which,
+                                    std::size_t axis) const {
+    return together_[kTogether * (3 * std::size_t{symbolic_->position[row]} + i) + 3 * which +
+                     axis];
+  }
+  static constexpr std::size_t kMostColumns = kTogether / 3;
+
  private:
   [[nodiscard]] Scalar* panel(std::size_t s) { return panels_.data() + panel_starts_[s]; }
 
@@ -37,6 +51,8 @@ class BlockCholesky {
   std::vector<std::size_t> panel_starts_;
   std::vector<Scalar> solution_;  // in order of elimination
   std::vector<Scalar> work_;      // of one supernode
+  std::vector<Scalar> together_;  // solution_ and work_ of solve_columns()
+  std::vector<Scalar> work_together_;
 };
 
 extern template class BlockCholesky<float>;

@@ -193,6 +193,75 @@ PALPATE_INLINE void multiply_transposed_any(const Scalar* m, int n, int columns,
   }
 }
 
+// One number of each of the vectors that are multiplied together.
+template <class Scalar>
+struct TogetherOf;
+template <>
+struct TogetherOf<double> {
+  using Type = double __attribute__((vector_size(kTogether * sizeof(double))));
+};
+template <>
+struct TogetherOf<float> {
+  using Type = float __attribute__((vector_size(kTogether * sizeof(float))));
+};
+
+// Y(rows of M) or Y(columns of M), `kRows` of them from `first`, the sums over the other index of
+// M: `to_row` and `to_term` are the steps in M along each.
+template <int kRows, class Scalar>
+PALPATE_INLINE void sum_together(const Scalar* m, std::ptrdiff_t to_row, std::ptrdiff_t to_term,
+                                 int terms, const Scalar* x, Scalar* y) {
+  using Vector = typename TogetherOf<Scalar>::Type;
+  Vector sum[kRows];
+  for (int r = 0; r < kRows; ++r) sum[r] = Vector{};
+  for (int t = 0; t < terms; ++t, m += to_term, x += kTogether) {
+    const Vector right = load<Vector>(x);
+    for (int r = 0; r < kRows; ++r) sum[r] += m[r * to_row] * right;
+  }
+  for (int r = 0; r < kRows; ++r) store(sum[r], y + r * kTogether);
+}
+
+// what the registers hold
+template <class Scalar>
+constexpr int kRowsTogether = sizeof(Scalar) == sizeof(float) ? 8 : 4;
+
+template <class Scalar>
+PALPATE_INLINE void multiply_any_together(const Scalar* m, int n, int columns, const Scalar* x,
+                                          Scalar* y) {
+  constexpr int kRows = kRowsTogether<Scalar>;
+  static_assert(kPadding % kRows == 0);
+  const std::ptrdiff_t ld = padded(n);
+  for (std::ptrdiff_t r = 0; r < ld; r += kRows) {
+    sum_together<kRows>(m + r, 1, ld, columns, x, y + r * kTogether);
+  }
+}
+
+template <class Scalar>
+PALPATE_INLINE void multiply_any_transposed_together(const Scalar* m, int n, int columns,
+                                                     const Scalar* x, Scalar* y) {
+  constexpr int kRows = kRowsTogether<Scalar>;
+  const std::ptrdiff_t ld = padded(n);
+  std::ptrdiff_t c = 0;
+  for (; c + kRows <= columns; c += kRows) {
+    sum_together<kRows>(m + c * ld, ld, 1, n, x, y + c * kTogether);
+  }
+  for (; c < columns; ++c) sum_together<1>(m + c * ld, ld, 1, n, x, y + c * kTogether);
+}
+
+PALPATE_CLONES void together_float(const float* m, int n, int columns, const float* x, float* y) {
+  multiply_any_together(m, n, columns, x, y);
+}
+PALPATE_CLONES void together_double(const double* m, int n, int columns, const double* x,
+                                    double* y) {
+  multiply_any_together(m, n, columns, x, y);
+}
+PALPATE_CLONES void transposed_together_float(const float* m, int n, int columns, const float* x,
+                                              float* y) {
+  multiply_any_transposed_together(m, n, columns, x, y);
+}
+PALPATE_CLONES void transposed_together_double(const double* m, int n, int columns, const double* x,
+                                               double* y) {
+  multiply_any_transposed_together(m, n, columns, x, y);
+}
 PALPATE_CLONES void multiply_float(const float* m, int n, int columns, const float* x, float* y) {
   multiply_any(m, n, columns, x, y);
 }
@@ -233,6 +302,18 @@ void multiply_transposed(const float* m, int n, int columns, const float* x, flo
 }
 void multiply_transposed(const double* m, int n, int columns, const double* x, double* y) {
   transposed_double(m, n, columns, x, y);
+}
+void multiply_together(const float* m, int n, int columns, const float* x, float* y) {
+  together_float(m, n, columns, x, y);
+}
+void multiply_together(const double* m, int n, int columns, const double* x, double* y) {
+  together_double(m, n, columns, x, y);
+}
+void multiply_transposed_together(const float* m, int n, int columns, const float* x, float* y) {
+  transposed_together_float(m, n, columns, x, y);
+}
+void multiply_transposed_together(const double* m, int n, int columns, const double* x, double* y) {
+  transposed_together_double(m, n, columns, x, y);
 }
 
 }  // namespace palpate::elastic

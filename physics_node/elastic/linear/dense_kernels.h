@@ -29,4 +29,13 @@ void add_three(const float* m, int n, const float* x, float* y);
 void multiply_transposed(const float* m, int n, int columns, const float* x, float* y);
 void multiply_transposed(const double* m, int n, int columns, const double* x, double* y);
 
+/// Vectors that are multiplied together, interleaved: element i of vector k at kTogether · i + k.
+inline constexpr int kTogether = 16;
+/// Y = M X for kTogether vectors; Y has padded(n) rows.
+void multiply_together(const float* m, int n, int columns, const float* x, float* y);
+void multiply_together(const double* m, int n, int columns, const double* x, double* y);
+/// Y = Mᵀ X for kTogether vectors of n rows.
+void multiply_transposed_together(const float* m, int n, int columns, const float* x, float* y);
+void multiply_transposed_together(const double* m, int n, int columns, const double* x, double* y);
+
 }  // namespace palpate::elastic

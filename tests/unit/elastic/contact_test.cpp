@@ -96,7 +96,7 @@ TEST_F(Condensed, ColumnsTakeNoMoreMemoryThanTheyMay) {
   const std::size_t one = 9 * body_.node_count();
   SurfaceCompliance compliance(body_, factor_, all_nodes(body_), 4 * one);
   const std::uint32_t first = points_.front().nodes[0];
-  compliance.require(first);
+  compliance.require({{first}});
   const std::vector<float> before(compliance.columns(first), compliance.columns(first) + one);
   std::set<std::uint32_t> others;
   for (const SurfacePoint& point : points_)
@@ -104,13 +104,51 @@ TEST_F(Condensed, ColumnsTakeNoMoreMemoryThanTheyMay) {
   others.erase(first);
   ASSERT_GT(others.size(), 8U);
   for (const std::uint32_t node : others) {
-    compliance.require(node);
+    compliance.require({{node}});
     ASSERT_LE(compliance.all_columns().size(), 4U);
     ASSERT_TRUE(compliance.all_columns().contains(node));
   }
   EXPECT_FALSE(compliance.all_columns().contains(first));
-  compliance.require(first);
+  compliance.require({{first}});
   EXPECT_TRUE(std::equal(before.begin(), before.end(), compliance.columns(first)));
+  // all that one call requires stays
+  const std::vector<std::uint32_t> all(others.begin(), others.end());
+  compliance.require(all);
+  EXPECT_EQ(compliance.all_columns().size(), all.size());
+  compliance.require({{first}});
+  EXPECT_EQ(compliance.all_columns().size(), 4U);
+  EXPECT_TRUE(std::equal(before.begin(), before.end(), compliance.columns(first)));
+}
+
+// A column is the solution for a unit force at a node, however many are solved together.
+TEST_F(Condensed, ColumnsAreSolutionsForUnitForces) {
+  for (const Precision precision : {Precision::kFloat, Precision::kDouble}) {
+    WarpedFactor factor(body_, precision);
+    SurfaceCompliance compliance(body_, factor, all_nodes(body_));
+    std::vector<std::uint32_t> nodes(2 * WarpedFactor::kMostColumns + 3);
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      nodes[i] = static_cast<std::uint32_t>(i * (body_.node_count() - 1) / (nodes.size() - 1));
+    }
+    compliance.require(nodes);
+    VectorXd force = VectorXd::Zero(body_.rest_m().size());
+    VectorXd moved_m = force;
+    std::size_t fixed = 0;
+    for (const std::uint32_t node : nodes) {
+      fixed += body_.pattern().row_of[node] < 0 ? 1U : 0U;
+      for (Eigen::Index axis = 0; axis < 3; ++axis) {
+        force.setZero();
+        force[3 * Eigen::Index{node} + axis] = 1.0;
+        factor.solve(force.data(), moved_m.data());
+        if (body_.pattern().row_of[node] < 0) moved_m.setZero();
+        for (Eigen::Index k = 0; k < moved_m.size(); ++k) {
+          const double column = static_cast<double>(compliance.columns(node)[3 * k + axis]);
+          ASSERT_NEAR(column, moved_m[k], 1e-5 * moved_m.cwiseAbs().maxCoeff()) << node;
+        }
+      }
+    }
+    EXPECT_GT(fixed, 0U);
+    EXPECT_LT(fixed, nodes.size() - WarpedFactor::kMostColumns);
+  }
 }
 
 TEST_F(Condensed, GivesTheForceOfTheFullSolution) {
@@ -325,7 +363,7 @@ class ComplianceFile : public Checked {
   void SetUp() override {
     std::filesystem::create_directories(folder_);
     file_ = compliance_file(folder_, compliance_);
-    for (const std::uint32_t node : {100U, 200U, 300U}) compliance_.require(node);
+    compliance_.require({{100U, 200U, 300U}});
     save_columns(compliance_, file_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
@@ -344,13 +382,13 @@ TEST_F(ComplianceFile, GivesTheSameColumnsWithoutASolutionOrAFactor) {
   SurfaceCompliance other(body_, factor, all_nodes(body_));
   ASSERT_EQ(load_columns(file_, other), "");
   EXPECT_EQ(other.all_columns(), compliance_.all_columns());
-  other.require(200);
+  other.require({{200U}});
   EXPECT_EQ(other.columns_made(), 0U);
   EXPECT_FALSE(factor.is_ready());
   // nothing but the file is left behind
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
   // one that is missing is made
-  other.require(201);
+  other.require({{201U}});
   EXPECT_EQ(other.columns_made(), 1U);
   EXPECT_TRUE(factor.is_ready());
 }
@@ -369,7 +407,7 @@ TEST_F(ComplianceFile, AnotherBodyHasAnotherFile) {
 TEST_F(ComplianceFile, DamagedFilesAreRefusedAndWhatIsThereIsKept) {
   const auto refused = [&](const char* reason) {
     SurfaceCompliance other(body_, factor_, all_nodes(body_));
-    other.require(7);
+    other.require({{7U}});
     EXPECT_NE(load_columns(file_, other).find(reason), std::string::npos) << reason;
     EXPECT_EQ(other.all_columns().size(), 1U);
   };
