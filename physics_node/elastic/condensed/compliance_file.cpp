@@ -5,11 +5,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <random>
 #include <span>
 #include <stdexcept>
 #include <system_error>
@@ -240,6 +242,13 @@ std::string load_columns(const std::filesystem::path& file, SurfaceCompliance& c
     }
     columns.emplace(static_cast<std::uint32_t>(node), std::move(values));
   }
+  // whoever can write the file can also write its hash
+  std::vector<std::uint32_t> sample;
+  std::mt19937 random{std::random_device{}()};
+  for (const auto& [node, values] : columns) sample.push_back(node);
+  std::shuffle(sample.begin(), sample.end(), random);
+  sample.resize(std::min(sample.size(), WarpedFactor::kMostColumns));
+  if (!compliance.confirms(columns, sample)) return "its columns are not those of this body";
   compliance.set_columns(std::move(columns));
   return {};
 }

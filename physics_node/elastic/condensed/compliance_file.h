@@ -23,9 +23,10 @@ namespace palpate::elastic {
 /// @throws std::runtime_error  with the file and the reason
 void save_columns(const SurfaceCompliance& compliance, const std::filesystem::path& file);
 
-/// Takes the columns of a file. Returns an empty text, or why it took none: no such file, another
-/// version, another body, cut short or damaged, no regular file, or one that another user may have
-/// written. Those that are there already are kept then.
+/// Takes the columns of a file, if some of them, at random, are those that are computed again.
+/// Returns an empty text, or why it took none: no such file, another version, another body, cut
+/// short or damaged, no regular file, one that another user may have written, or with columns of
+/// nobody's. Those that are there already are kept then.
 [[nodiscard]] std::string load_columns(const std::filesystem::path& file,
                                        SurfaceCompliance& compliance);
 

@@ -71,6 +71,42 @@ std::vector<float>& SurfaceCompliance::room_for(std::uint32_t node, std::uint64_
   return values;
 }
 
+/// That of the undeformed body, unless it is there.
+bool SurfaceCompliance::has_factor() {
+  if (!factor_.is_ready() && !has_no_factor_) {
+    has_no_factor_ = !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
+  }
+  return !has_no_factor_;
+}
+
+bool SurfaceCompliance::confirms(const Columns& columns, std::span<const std::uint32_t> nodes) {
+  constexpr float kRounding = 1e-3F;  // of float, on another processor
+  std::vector<std::uint32_t> free;
+  for (const std::uint32_t node : nodes) {
+    const std::vector<float>& values = columns.at(node);
+    if (body_.pattern().row_of[node] >= 0) {
+      free.push_back(node);
+    } else if (std::any_of(values.begin(), values.end(), [](float x) { return x != 0.0F; })) {
+      return false;
+    }
+  }
+  if (free.empty()) return true;
+  if (!has_factor()) return false;
+  std::vector<std::vector<float>> own(free.size(), std::vector<float>(9 * nodes_.size()));
+  std::vector<float*> values;
+  for (auto& one : own) values.push_back(one.data());
+  factor_.columns(free, nodes_, values);
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const std::vector<float>& given = columns.at(free[i]);
+    float largest = 0.0F;
+    for (const float x : own[i]) largest = std::max(largest, std::abs(x));
+    for (std::size_t k = 0; k < given.size(); ++k) {
+      if (!(std::abs(given[k] - own[i][k]) <= kRounding * largest)) return false;
+    }
+  }
+  return true;
+}
+
 void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
   const std::uint64_t since = requires_;
   for (const std::uint32_t node : nodes) required_[node] = ++requires_;
@@ -84,11 +120,7 @@ void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
   };
   for (const std::uint32_t node : nodes) {
     if (columns_.contains(node)) continue;
-    if (!factor_.is_ready() && !has_no_factor_) {
-      has_no_factor_ =
-          !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
-    }
-    if (has_no_factor_) {
+    if (!has_factor()) {
       throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
     }
     std::vector<float>& room = room_for(node, since);

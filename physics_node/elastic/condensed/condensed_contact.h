@@ -60,10 +60,14 @@ class SurfaceCompliance {
   [[nodiscard]] const Body& body() const noexcept { return body_; }
   using Columns = std::map<std::uint32_t, std::vector<float>>;  ///< 9 per surface node
   [[nodiscard]] const Columns& all_columns() const noexcept { return columns_; }
+  /// Whether the columns of these up to WarpedFactor::kMostColumns nodes, computed again, are
+  /// those. Factorises if need be; allocates. @pre  all are among them
+  [[nodiscard]] bool confirms(const Columns& columns, std::span<const std::uint32_t> nodes);
   /// Columns made earlier of the same body, in the same configuration.
   void set_columns(Columns columns) { columns_ = std::move(columns); }
 
  private:
+  [[nodiscard]] bool has_factor();
   std::vector<float>& room_for(std::uint32_t node, std::uint64_t since);
 
   const Body& body_;

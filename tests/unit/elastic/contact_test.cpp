@@ -377,20 +377,32 @@ class ComplianceFile : public Checked {
   }
 };
 
-TEST_F(ComplianceFile, GivesTheSameColumnsWithoutASolutionOrAFactor) {
+TEST_F(ComplianceFile, GivesTheSameColumns) {
   WarpedFactor factor(body_, Precision::kFloat);
   SurfaceCompliance other(body_, factor, all_nodes(body_));
   ASSERT_EQ(load_columns(file_, other), "");
   EXPECT_EQ(other.all_columns(), compliance_.all_columns());
   other.require({{200U}});
   EXPECT_EQ(other.columns_made(), 0U);
-  EXPECT_FALSE(factor.is_ready());
   // nothing but the file is left behind
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
   // one that is missing is made
   other.require({{201U}});
   EXPECT_EQ(other.columns_made(), 1U);
-  EXPECT_TRUE(factor.is_ready());
+}
+
+// Its hash is right: somebody who may write the file has written it.
+TEST_F(ComplianceFile, WithOtherColumnsIsRefused) {
+  SurfaceCompliance::Columns columns = compliance_.all_columns();
+  for (auto& [node, values] : columns) {
+    for (float& value : values) value *= 1.5F;
+  }
+  SurfaceCompliance forged(body_, factor_, all_nodes(body_));
+  forged.set_columns(columns);
+  save_columns(forged, file_);
+  SurfaceCompliance other(body_, factor_, all_nodes(body_));
+  EXPECT_NE(load_columns(file_, other).find("not those of this body"), std::string::npos);
+  EXPECT_TRUE(other.all_columns().empty());
 }
 
 TEST_F(ComplianceFile, AnotherBodyHasAnotherFile) {
