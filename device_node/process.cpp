@@ -90,13 +90,15 @@ CheckedProfile checked_hands_off(const Session& session, NodeContext& context,
   }
   const StartUp start_up = start_up_of(context);
   await_calibration(device, start_up);
+  const std::optional<std::uint32_t>& button = session.side().device.dead_man_button;
   await_acknowledgement(
       start_up,
       "the hands-off check moves the device by itself, with up to 1 N: move it to the middle of "
-      "its "
-      "workspace, take the hand off, clear its way, then send SIGUSR2 to device_node");
+      "its workspace, take the hand off, clear its way, " +
+          std::string(button ? "hold the dead-man button until it has ended, " : "") +
+          "then send SIGUSR2 to device_node");
   context.log.info("event=hands_off_check_acknowledged");
-  return check_hands_off(device, context.clock, profile);
+  return check_hands_off(device, context.clock, profile, button);
 }
 
 /// The session's configuration, its profile lowered where the device has less friction.

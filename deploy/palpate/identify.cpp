@@ -64,11 +64,14 @@ void print_prompt(const std::string& text) {
 
 /// Until a person has acknowledged, and nobody moves the device, in the box.
 void wait_until_let_go(HapticDevice& device, Clock& clock, const StartUp& start_up,
-                       const Vector3& box_half_extent_m) {
+                       const SweepPlan& plan) {
+  const Vector3& box_half_extent_m = plan.box_half_extent_m;
   await_acknowledgement(
       start_up,
-      "Move the device to the middle of its workspace, take the hand off and clear its way; then "
-      "press Enter, or send SIGUSR2: it moves by itself once it was at rest for 2 s.");
+      "Move the device to the middle of its workspace, take the hand off and clear its way" +
+          std::string(plan.dead_man_button ? ", hold the dead-man button until all has ended"
+                                           : "") +
+          "; then press Enter, or send SIGUSR2: it moves by itself once it was at rest for 2 s.");
   const TimePoint until = clock.now() + kPatience;
   DeviceSample rest;
   DeviceSample now;
@@ -121,7 +124,8 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   }
   const auto device = driver.open(clock, start_up);
   const DeviceSpecification& specification = device->specification();
-  const SweepPlan plan = default_sweep_plan(specification);
+  SweepPlan plan = default_sweep_plan(specification);
+  if (!driver.is_simulated) plan.dead_man_button = session.side().device.dead_man_button;
 
   print_heading(specification, plan);
   check_consent(specification, options.consent);
@@ -129,7 +133,7 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
     // a sweep is lost if its ticks have to wait for other programs until a lease runs out
     print_prompt("event=realtime " + enter_realtime(session.side().realtime).text);
     await_calibration(*device, start_up);
-    wait_until_let_go(*device, clock, start_up, plan.box_half_extent_m);
+    wait_until_let_go(*device, clock, start_up, plan);
   }
   const FrictionReport report =
       identify_friction(*device, clock, plan, options.consent, print_line);

@@ -83,6 +83,12 @@ class Rig {
                        ", outside the box of ±" + in_mm(plan_.box_half_extent_m) +
                        " in which friction is measured; move it inside and let go");
     }
+    if (!is_held(sample)) {
+      throw SetupError("nobody holds the dead-man button, button " +
+                       std::to_string(*plan_.dead_man_button) +
+                       ": hold it from the acknowledgement on, until the device has come to rest; "
+                       "it must not be on the handle, which nobody may hold");
+    }
     readings_.fill(sample);
   }
   Rig(const Rig&) = delete;
@@ -191,6 +197,10 @@ class Rig {
                               "; its motors were released");
   }
 
+  [[nodiscard]] bool is_held(const DeviceSample& sample) const noexcept {
+    return !plan_.dead_man_button || ((sample.buttons >> *plan_.dead_man_button) & 1U) != 0;
+  }
+
   /// One period under the force.
   void step(const Vector3& force_newton) {
     const Vector3 force = limited_to_norm(force_newton, limit_newton_);
@@ -215,6 +225,7 @@ class Rig {
     DeviceSample now;
     if (!device_.read(now)) fail("can no longer be read");
     if (!now.hand_position_m.allFinite()) fail("reads no finite position");
+    if (!is_held(now)) fail("was stopped: its dead-man button was released");
     readings_[newest_ = oldest] = now;
 
     const double dt_s = to_seconds(now.sampled_at - before.sampled_at);

@@ -8,7 +8,9 @@
 // ≤ 0.1 m/s, inside a box.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <vector>
@@ -71,6 +73,9 @@ struct SweepPlan {
   double half_length_m = 0.0;                   ///< ≥ 10 mm
   std::vector<double> speeds_m_per_s;           ///< ≥ 2 different ones, ≤ 0.08
   int repeats = 2;                              ///< pairs of sweeps per line and speed; ≥ 2
+  /// A person beside the device holds it; released, it aborts. Not one on the handle, which nobody
+  /// may hold. None: there is none.
+  std::optional<std::uint32_t> dead_man_button = {};
 };
 
 /// The axes of D as far as there are motors along them; unit.
@@ -111,7 +116,8 @@ void check_consent(const DeviceSpecification& specification, const SweepConsent&
 /// real-time scheduling. A sweep in which a lease ran out before the force was averaged is
 /// repeated; each is tried five times at most.
 /// @param on_line  called after each line, motors limp
-/// @throws SetupError           before anything moved: not agreed, outside the box
+/// @throws SetupError           before anything moved: not agreed, outside the box, the dead-man
+///     button not held
 /// @throws IdentificationError  motors limp
 [[nodiscard]] FrictionReport identify_friction(
     HapticDevice& device, Clock& clock, const SweepPlan& plan, const SweepConsent& consent,

@@ -3,6 +3,9 @@
 // what its profile claims? Nobody may hold it.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+
 #include "common/core/clock.h"
 #include "common/session/device_profile.h"
 #include "device_node/device.h"
@@ -29,11 +32,13 @@ struct CheckedProfile {
 
 /// The check: moves the device with its own motors, within the bounds of identify_friction(), and
 /// returns with the motors limp. Throws as identify_friction() does.
-[[nodiscard]] inline CheckedProfile check_hands_off(HapticDevice& device, Clock& clock,
-                                                    const DeviceProfile& profile) {
-  return checked_profile(
-      profile,
-      identify_friction(device, clock, hands_off_plan(device.specification()), {.may_move = true}));
+/// @param dead_man_button  @see SweepPlan
+[[nodiscard]] inline CheckedProfile check_hands_off(
+    HapticDevice& device, Clock& clock, const DeviceProfile& profile,
+    std::optional<std::uint32_t> dead_man_button = {}) {
+  SweepPlan plan = hands_off_plan(device.specification());
+  plan.dead_man_button = dead_man_button;
+  return checked_profile(profile, identify_friction(device, clock, plan, {.may_move = true}));
 }
 
 }  // namespace palpate::device

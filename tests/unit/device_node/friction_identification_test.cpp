@@ -91,6 +91,7 @@ class OddDevice final : public HapticDevice {
   std::function<Vector3(const Vector3&)> motors = [](const Vector3& force) { return force; };
   int reads_left = -1;   ///< then they fail; −1: never
   int writes_left = -1;  ///< likewise
+  int held_reads = -1;   ///< button 1 is released after so many; −1: never
 
   double largest_force_newton = 0.0;  ///< commanded
   double top_speed_m_per_s = 0.0;     ///< true
@@ -106,6 +107,8 @@ class OddDevice final : public HapticDevice {
     if (reads_left == 0) return false;
     if (reads_left > 0) --reads_left;
     const bool is_read = inner_.read(sample);
+    sample.buttons = held_reads == 0 ? 1U : 2U;
+    if (held_reads > 0) --held_reads;
     top_speed_m_per_s =
         std::max(top_speed_m_per_s, inner_.true_state().hand_velocity_m_per_s.norm());
     return is_read;
@@ -307,6 +310,23 @@ TEST_F(FrictionSweeps, FailureToReadEndsThem) {
 
     EXPECT_THAT(failure(device), HasSubstr("read"));
   }
+}
+
+TEST_F(FrictionSweeps, MoveOnlyWhileTheDeadManButtonIsHeld) {
+  plan_.dead_man_button = 1;
+  OddDevice held(clock_);
+  EXPECT_EQ(identify(held).lines.size(), 1U);
+
+  for (const int reads : {1, 300, 1500}) {
+    SCOPED_TRACE(reads);
+    OddDevice released(clock_);
+    released.held_reads = reads;
+    EXPECT_THAT(failure(released), HasSubstr("its dead-man button was released"));
+    EXPECT_LE(released.writes, reads);
+  }
+  OddDevice not_held(clock_);
+  not_held.held_reads = 0;
+  EXPECT_THAT(refusal(not_held), HasSubstr("nobody holds the dead-man button, button 1"));
 }
 
 TEST_F(FrictionSweeps, FailureToWriteEndsThem) {
