@@ -153,6 +153,7 @@ CheckOutcome check_applied(DeviceBench& bench) {
   const DeviceSpecification& s = bench.device().specification();
   DeviceSample at_switch;
   const Vector3 strongest_newton = Vector3(0.6, 0, -0.8) * s.peak_force_newton;
+  constexpr int kMostReads = 5;
   for (const Vector3& requested_newton : {gentle_force_newton(bench), strongest_newton}) {
     if (!bench.device().apply(requested_newton, 20ms, at_switch)) return failed(kRefused);
     const double tolerance = kForceTolerance * (requested_newton.norm() + kForceFloorNewton);
@@ -161,13 +162,17 @@ CheckOutcome check_applied(DeviceBench& bench) {
       return failed("apply() names " + text_of(at_switch.applied_force_newton, 1.0, "N") +
                     " as the force that acts, of " + text_of(wanted_newton, 1.0, "N"));
     }
-    bench.pass(bench.period());
+    // what is measured may come some messages later; as device_node judges it
     DeviceSample later;
-    if (!bench.device().read(later)) return failed("read() gives no reading");
-    if (!later.measured_newton) continue;
-    // as device_node judges it
-    const double off_newton = (*later.measured_newton - at_switch.applied_force_newton).norm();
-    if (!(off_newton <= 0.25 * wanted_newton.norm() + kForceFloorNewton)) {
+    bool is_measured = false;
+    for (int read = 0; read < kMostReads && !is_measured; ++read) {
+      bench.pass(bench.period());
+      if (!bench.device().read(later)) return failed("read() gives no reading");
+      if (!later.measured_newton) break;
+      const double off_newton = (*later.measured_newton - at_switch.applied_force_newton).norm();
+      is_measured = off_newton <= 0.25 * wanted_newton.norm() + kForceFloorNewton;
+    }
+    if (later.measured_newton && !is_measured) {
       return failed("measured_newton is " + text_of(*later.measured_newton, 1.0, "N") + " while " +
                     text_of(at_switch.applied_force_newton, 1.0, "N") + " acts");
     }

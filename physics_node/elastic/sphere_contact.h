@@ -28,6 +28,9 @@ struct SurfacePoint {
     }
     return sum;
   }
+  void add_nodes_to(std::vector<std::uint32_t>& all) const {
+    all.insert(all.end(), nodes.begin(), nodes.begin() + count);
+  }
   /// A node of it is fixed: it gives way to the contact's penalty, whatever the body does.
   [[nodiscard]] bool is_held(const BlockPattern& pattern) const noexcept {
     for (std::size_t a = 0; a < static_cast<std::size_t>(count); ++a) {

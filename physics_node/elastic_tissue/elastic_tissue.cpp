@@ -306,13 +306,11 @@ void ElasticTissue::solve(double step_s) {
   figures_.repaired = simulation_.repaired_steps();
   figures_.appeared = simulation_.appeared();
   for (std::size_t i = 0; i < tools_.size(); ++i) {
-    // an untouched body at rest is prepared once; what has failed, never
     if (!simulation_.touch(i).is_near) continue;
-    try {
+    try {  // an untouched body at rest is prepared once; what has failed, never
       if (has_stepped || !tools_[i]->last) prepare(i, step_s);
       describe_patch(i, has_stepped);
-    } catch (const std::runtime_error&) {
-      // the steps keep what they have
+    } catch (const std::runtime_error&) {  // the steps keep what they have
       ++without_compliance_;
       ++figures_.failed;
     }
@@ -449,9 +447,7 @@ double ElasticTissue::surface_offset_by_other_tools_m(std::size_t tool, std::siz
     if (other == tool || forces.empty()) continue;
     std::vector<std::uint32_t> nodes;
     for (std::size_t p = 0; p < forces.size(); ++p) {
-      const elastic::SurfacePoint& from = body_->points[p];
-      if (forces[p].isZero(0.0)) continue;
-      nodes.insert(nodes.end(), from.nodes.begin(), from.nodes.begin() + from.count);
+      if (!forces[p].isZero(0.0)) body_->points[p].add_nodes_to(nodes);
     }
     compliance_.require(nodes);
     for (std::size_t p = 0; p < forces.size(); ++p) {

@@ -87,9 +87,7 @@ bool PatchMaker::is_ready(std::uint32_t point, int& most_columns) {
 /// Makes the columns of new_nodes_, and keeps those of the points that are there.
 void PatchMaker::require() {
   for (const std::optional<std::uint32_t>& point : point_in_) {
-    if (!point) continue;
-    const elastic::SurfacePoint& at = body_.points[*point];
-    new_nodes_.insert(new_nodes_.end(), at.nodes.begin(), at.nodes.begin() + at.count);
+    if (point) body_.points[*point].add_nodes_to(new_nodes_);
   }
   compliance_.require(new_nodes_);
   new_nodes_.clear();

@@ -161,13 +161,16 @@ def begins(pattern: str) -> Step:
     return step
 
 
+MICROJOULE = {"J": 1e6, "mJ": 1e3, "µJ": 1.0, "nJ": 1e-3}
+
+
 def summary_of(figures: dict[str, float], name: str) -> Step:
     """Keeps the figures of a run in lockstep that the page asks to compare."""
 
     def step(terminal: Terminal, command: str) -> None:
         output = terminal.run(command, status=0)[1]
         for key, pattern in {
-            "energy": r"least true energy +(\S+) µJ",
+            "energy": r"least true energy +(\S+ .?J)\b",
             "reversals": r"velocity reversals +\d+, (\d+) more",
             "transparency": r"transparency, vector .*requested\), (\S+) \(rendered / ideal",
             "peak": r"largest force +(\S+) N",
@@ -175,7 +178,8 @@ def summary_of(figures: dict[str, float], name: str) -> Step:
             match = re.search(pattern, output)
             if not match:
                 raise Broken(f"`{command}` does not say `{pattern}`:\n{output}")
-            figures[f"{name} {key}"] = float(match[1])
+            number, *unit = match[1].split()
+            figures[f"{name} {key}"] = float(number) * MICROJOULE[unit[0]] if unit else float(number)
 
     return step
 
@@ -187,7 +191,7 @@ def holds(is_so: bool, claim: str, figures: dict[str, float]) -> None:
 
 NO_ENERGY = r"good  the hand extracted no energy"
 SET_UP: list[tuple[str, Step]] = [
-    ("./deploy/demo.sh", says(r"least true energy +\S+ µJ \(0 or more: passive\)")),
+    ("./deploy/demo.sh", says(r"least true energy +\S+ .?J \(0 or more: passive\)")),
     ("cmake --build build/release", works),
     ("PATH=", works),
 ]
@@ -207,7 +211,7 @@ def first_device(terminal: Terminal) -> list[tuple[str, Step]]:
         terminal.end()
 
     return [
-        ("palpate loopback", says(r"transparency", r"clamped", r"least true energy +0\.000 µJ", NO_ENERGY)),
+        ("palpate loopback", says(r"transparency", r"clamped", r"least true energy +0 µJ", NO_ENERGY)),
         ("palpate scene check", says(": ok")),
         ("palpate launch deploy/sessions/haply.txtpb --emulate", begins("phase=calibrated.*send SIGUSR2")),
         ("pkill -USR2", acknowledge),
@@ -237,7 +241,7 @@ def first_workstation(terminal: Terminal) -> list[tuple[str, Step]]:
         after = terminal.wait_for(r"no physics  \|F\| 0\.00", after=after)
         terminal.run("kill -CONT $(pgrep -x physics_node)")
         terminal.wait_for(r"contact  \|F\| (0\.[1-9]|[1-9])", after=after)
-        if "least true energy   0.000 µJ" not in (output := terminal.end()):
+        if "least true energy   0 µJ" not in (output := terminal.end()):
             raise Broken(f"the hand was given energy:\n{output}")
         terminal.end()
 

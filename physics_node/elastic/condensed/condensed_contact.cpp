@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <stdexcept>
 #include <utility>
 
 #include "common/contact/elastic/sphere_sweep.h"
@@ -23,114 +22,20 @@ constexpr double kLeastScale = 1.0 / 3.0;
 constexpr double kLeastBeyondRatio = 0.2;
 
 constexpr double kLeastArea_m2 = 1e-12;
+// On the other side of the body.
+constexpr double kHidden = std::numeric_limits<double>::infinity();
 
 using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 
-}  // namespace
-
-SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
-                                     std::vector<std::uint32_t> surface_nodes,
-                                     std::size_t most_floats)
-    : body_(body), factor_(factor), nodes_(std::move(surface_nodes)), most_floats_(most_floats) {
-  row_of_.assign(body.node_count(), -1);
-  for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    row_of_[nodes_[i]] = static_cast<std::int32_t>(i);
-  }
-  turns_.resize(9 * body.node_count());
-  turn_to(no_rotations(body.node_count()));
-}
-
-void SurfaceCompliance::clear() {
-  columns_.clear();
-  required_.clear();
-  has_no_factor_ = false;
-  turn_to(no_rotations(body_.node_count()));
-}
-
-void SurfaceCompliance::turn_to(const std::vector<double>& rotations) {
-  for (std::size_t node = 0; node < body_.node_count(); ++node) {
-    const Eigen::Quaterniond turn(rotations[4 * node], rotations[4 * node + 1],
-                                  rotations[4 * node + 2], rotations[4 * node + 3]);
-    Eigen::Map<RowMajor3f>(turns_.data() + 9 * node) = turn.toRotationMatrix().cast<float>();
-  }
-}
-
-/// For the columns of a node; those that were not required since then may go.
-std::vector<float>& SurfaceCompliance::room_for(std::uint32_t node, std::uint64_t since) {
-  while (columns_.size() > 1 && (columns_.size() + 1) * 9 * nodes_.size() > most_floats_) {
-    // those of a file that were never required go first
-    const auto oldest = std::min_element(
-        columns_.begin(), columns_.end(),
-        [&](const auto& a, const auto& b) { return required_[a.first] < required_[b.first]; });
-    if (required_[oldest->first] > since) break;
-    required_.erase(oldest->first);
-    columns_.erase(oldest);
-  }
-  std::vector<float>& values = columns_[node];
-  values.assign(9 * nodes_.size(), 0.0F);
-  return values;
-}
-
-/// That of the undeformed body, unless it is there.
-bool SurfaceCompliance::has_factor() {
-  if (!factor_.is_ready() && !has_no_factor_) {
-    has_no_factor_ = !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
-  }
-  return !has_no_factor_;
-}
-
-bool SurfaceCompliance::confirms(const Columns& columns, std::span<const std::uint32_t> nodes) {
-  constexpr float kRounding = 1e-3F;  // of float, on another processor
-  std::vector<std::uint32_t> free;
-  for (const std::uint32_t node : nodes) {
-    const std::vector<float>& values = columns.at(node);
-    if (body_.pattern().row_of[node] >= 0) {
-      free.push_back(node);
-    } else if (std::any_of(values.begin(), values.end(), [](float x) { return x != 0.0F; })) {
-      return false;
-    }
-  }
-  if (free.empty()) return true;
-  if (!has_factor()) return false;
-  std::vector<std::vector<float>> own(free.size(), std::vector<float>(9 * nodes_.size()));
-  std::vector<float*> values;
-  for (auto& one : own) values.push_back(one.data());
-  factor_.columns(free, nodes_, values);
-  for (std::size_t i = 0; i < free.size(); ++i) {
-    const std::vector<float>& given = columns.at(free[i]);
-    float largest = 0.0F;
-    for (const float x : own[i]) largest = std::max(largest, std::abs(x));
-    for (std::size_t k = 0; k < given.size(); ++k) {
-      if (!(std::abs(given[k] - own[i][k]) <= kRounding * largest)) return false;
-    }
-  }
-  return true;
-}
-
-void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
-  const std::uint64_t since = requires_;
-  for (const std::uint32_t node : nodes) required_[node] = ++requires_;
-  std::array<std::uint32_t, WarpedFactor::kMostColumns> together{};
-  std::array<float*, WarpedFactor::kMostColumns> values{};
-  std::size_t count = 0;
-  const auto solve = [&] {
-    made_ += count;
-    factor_.columns({together.data(), count}, nodes_, {values.data(), count});
-    count = 0;
+// Normal of its face, of any length.
+Vector3d outward_of(const SurfacePoint& point, const VectorXd& x_m) {
+  const auto corner = [&](std::size_t k) -> Vector3d {
+    return x_m.segment<3>(3 * Eigen::Index{point.nodes[k]});
   };
-  for (const std::uint32_t node : nodes) {
-    if (columns_.contains(node)) continue;
-    if (!has_factor()) {
-      throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
-    }
-    std::vector<float>& room = room_for(node, since);
-    if (body_.pattern().row_of[node] < 0) continue;  // a fixed node gives way to nothing
-    together[count] = node;
-    values[count++] = room.data();
-    if (count == together.size()) solve();
-  }
-  if (count > 0) solve();
+  return (corner(1) - corner(0)).cross(corner(2) - corner(0));
 }
+
+}  // namespace
 
 CondensedContact::CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
                                    double stiffness_pa_per_m)
@@ -145,11 +50,15 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   std::vector<std::size_t> order(points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::vector<double> distances;
+  const bool is_session = !along.isZero(0.0);
   for (std::size_t i = 0; i < points.size(); ++i) {
     // a force that is there must be able to go
     const bool is_pressed = !forces_on_body_newton.empty() && !forces_on_body_newton[i].isZero(0.0);
-    const double distance_m = (points[i].position_m(x_m.data()) - centre_m).norm();
-    distances.push_back(is_pressed ? -1.0 / std::max(distance_m, 1e-9) : distance_m);
+    const Vector3d way = points[i].position_m(x_m.data()) - centre_m;
+    const double distance_m = way.norm();
+    distances.push_back(is_pressed ? -1.0 / std::max(distance_m, 1e-9)
+                        : is_session && outward_of(points[i], x_m).dot(way) > 0.0 ? kHidden
+                                                                                  : distance_m);
   }
   const std::size_t most = std::min({points.size(), static_cast<std::size_t>(most_points),
                                      static_cast<std::size_t>(kMostPoints)});
@@ -157,6 +66,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
                     [&](std::size_t a, std::size_t b) { return distances[a] < distances[b]; });
   std::size_t count = std::min(most, static_cast<std::size_t>(kUsualPoints));
   while (count < most && distances[order[count]] < within_m) ++count;
+  while (count > 1 && distances[order[count - 1]] == kHidden) --count;
   order.resize(count);
   chosen_ = order;
   count_ = static_cast<int>(count);
@@ -171,10 +81,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   is_held_.clear();
   forces_newton_.clear();
   std::vector<std::uint32_t> nodes;
-  for (const std::size_t point : chosen_) {
-    const auto& own = points[point].nodes;
-    nodes.insert(nodes.end(), own.begin(), own.begin() + points[point].count);
-  }
+  for (const std::size_t point : chosen_) points[point].add_nodes_to(nodes);
   compliance_.require(nodes);
   for (std::size_t j = 0; j < count; ++j) {
     const SurfacePoint& at = points[chosen_[j]];

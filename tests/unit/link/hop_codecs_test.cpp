@@ -289,8 +289,8 @@ TEST(InteractionCodec, FitsItsFrameWithEveryContactFull) {
 TEST(TelemetryCodec, RefusesUnknownStates) {
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 5); }, true);
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 6); }, false);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(15); }, true);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(16); }, false);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(16); }, true);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(17); }, false);
   expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(6); }, true);
   expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(7); }, false);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 4); }, true);

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "physics_node/elastic/condensed/condensed_contact.h"
+
+namespace palpate::elastic {
+namespace {
+
+using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+
+}  // namespace
+
+SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
+                                     std::vector<std::uint32_t> surface_nodes,
+                                     std::size_t most_floats)
+    : body_(body), factor_(factor), nodes_(std::move(surface_nodes)), most_floats_(most_floats) {
+  row_of_.assign(body.node_count(), -1);
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    row_of_[nodes_[i]] = static_cast<std::int32_t>(i);
+  }
+  turns_.resize(9 * body.node_count());
+  turn_to(no_rotations(body.node_count()));
+}
+
+void SurfaceCompliance::clear() {
+  columns_.clear();
+  required_.clear();
+  has_no_factor_ = false;
+  turn_to(no_rotations(body_.node_count()));
+}
+
+void SurfaceCompliance::turn_to(const std::vector<double>& rotations) {
+  for (std::size_t node = 0; node < body_.node_count(); ++node) {
+    const Eigen::Quaterniond turn(rotations[4 * node], rotations[4 * node + 1],
+                                  rotations[4 * node + 2], rotations[4 * node + 3]);
+    Eigen::Map<RowMajor3f>(turns_.data() + 9 * node) = turn.toRotationMatrix().cast<float>();
+  }
+}
+
+/// For the columns of a node; those that were not required since then may go.
+std::vector<float>& SurfaceCompliance::room_for(std::uint32_t node, std::uint64_t since) {
+  while (columns_.size() > 1 && (columns_.size() + 1) * 9 * nodes_.size() > most_floats_) {
+    // those of a file that were never required go first
+    const auto oldest = std::min_element(
+        columns_.begin(), columns_.end(),
+        [&](const auto& a, const auto& b) { return required_[a.first] < required_[b.first]; });
+    if (required_[oldest->first] > since) break;
+    required_.erase(oldest->first);
+    columns_.erase(oldest);
+  }
+  std::vector<float>& values = columns_[node];
+  values.assign(9 * nodes_.size(), 0.0F);
+  return values;
+}
+
+/// That of the undeformed body, unless it is there.
+bool SurfaceCompliance::has_factor() {
+  if (!factor_.is_ready() && !has_no_factor_) {
+    has_no_factor_ = !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
+  }
+  return !has_no_factor_;
+}
+
+bool SurfaceCompliance::confirms(const Columns& columns, std::span<const std::uint32_t> nodes) {
+  constexpr float kRounding = 1e-3F;  // of float, on another processor
+  std::vector<std::uint32_t> free;
+  for (const std::uint32_t node : nodes) {
+    const std::vector<float>& values = columns.at(node);
+    if (body_.pattern().row_of[node] >= 0) {
+      free.push_back(node);
+    } else if (std::any_of(values.begin(), values.end(), [](float x) { return x != 0.0F; })) {
+      return false;
+    }
+  }
+  if (free.empty()) return true;
+  if (!has_factor()) return false;
+  std::vector<std::vector<float>> own(free.size(), std::vector<float>(9 * nodes_.size()));
+  std::vector<float*> values;
+  for (auto& one : own) values.push_back(one.data());
+  factor_.columns(free, nodes_, values);
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const std::vector<float>& given = columns.at(free[i]);
+    float largest = 0.0F;
+    for (const float x : own[i]) largest = std::max(largest, std::abs(x));
+    for (std::size_t k = 0; k < given.size(); ++k) {
+      if (!(std::abs(given[k] - own[i][k]) <= kRounding * largest)) return false;
+    }
+  }
+  return true;
+}
+
+void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
+  const std::uint64_t since = requires_;
+  for (const std::uint32_t node : nodes) required_[node] = ++requires_;
+  std::array<std::uint32_t, WarpedFactor::kMostColumns> together{};
+  std::array<float*, WarpedFactor::kMostColumns> values{};
+  std::size_t count = 0;
+  const auto solve = [&] {
+    made_ += count;
+    factor_.columns({together.data(), count}, nodes_, {values.data(), count});
+    count = 0;
+  };
+  for (const std::uint32_t node : nodes) {
+    if (columns_.contains(node)) continue;
+    if (!has_factor()) {
+      throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
+    }
+    std::vector<float>& room = room_for(node, since);
+    if (body_.pattern().row_of[node] < 0) continue;  // a fixed node gives way to nothing
+    together[count] = node;
+    values[count++] = room.data();
+    if (count == together.size()) solve();
+  }
+  if (count > 0) solve();
+}
+
+}  // namespace palpate::elastic
