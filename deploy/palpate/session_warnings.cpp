@@ -221,12 +221,13 @@ std::vector<std::string> session_warnings(const Session& session) {
   for (const Side& side : session.sides) {
     const auto* plugin = std::get_if<PluginConfig>(&side.driver);
     if (plugin == nullptr || is_library(plugin->library)) continue;
-    warnings.push_back("device.plugin.library: " + plugin->library +
-                       (plugin->library.find('/') == std::string::npos
-                            ? ": in no folder of system libraries; one beside the session is ./"
-                            : ": no such library; build it, or give its path, relative to the "
-                              "folder of the session") +
-                       (plugin->library.find('/') == std::string::npos ? plugin->library : ""));
+    const bool is_bare = plugin->library.find('/') == std::string::npos;
+    warnings.push_back(
+        "device.plugin.library: " + plugin->library +
+        (is_bare
+             ? ": in no folder of system libraries; one beside the session is ./" + plugin->library
+             : ": no such library; build it, or give its path, relative to the folder of the "
+               "session"));
   }
   const std::string& keys = session.security.key_folder;
   if (!keys.empty() && !std::filesystem::is_directory(keys, error)) {

@@ -19,7 +19,6 @@ struct FaceCorners {
   Vector3d a;
   Vector3d b;
   Vector3d c;
-  [[nodiscard]] Vector3d outward() const { return (b - a).cross(c - a).normalized(); }
 };
 
 FaceCorners corners_of(const SurfacePoint& point, const double* x_m) {
@@ -94,7 +93,7 @@ void SphereContact::choose_near(const double* x_m, double margin_m) {
       const double from_m = (corners.a - centre_m_).norm();
       is_face_near = from_m < reach_m + 1.5 * longest_m;
       if (is_face_near) {
-        face_normal = corners.outward();
+        face_normal = (*points_)[i].outward(x_m);
       } else {
         nearest_m_ = std::min(nearest_m_, from_m - longest_m);
       }
@@ -224,7 +223,7 @@ double SphereContact::update_multipliers(const double* x_m, const BlockPattern& 
     if (at.pressure_pa == 0.0) continue;
     settled_.push_back({.point = i,
                         .force_on_body_newton = point.area_m2 * at.pressure_pa * at.normal,
-                        .facing = -at.normal.dot(corners_of(point, x_m).outward())});
+                        .facing = -at.normal.dot(point.outward(x_m))});
   }
   return deepest_m;
 }

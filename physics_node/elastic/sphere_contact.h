@@ -28,6 +28,13 @@ struct SurfacePoint {
     }
     return sum;
   }
+  /// Unit normal of its face.
+  [[nodiscard]] Vector3d outward(const double* x_m) const noexcept {
+    const Eigen::Map<const Vector3d> a(x_m + 3 * std::size_t{nodes[0]});
+    const Eigen::Map<const Vector3d> b(x_m + 3 * std::size_t{nodes[1]});
+    const Eigen::Map<const Vector3d> c(x_m + 3 * std::size_t{nodes[2]});
+    return (b - a).cross(c - a).normalized();
+  }
   void add_nodes_to(std::vector<std::uint32_t>& all) const {
     all.insert(all.end(), nodes.begin(), nodes.begin() + count);
   }

@@ -53,11 +53,7 @@ void PatchMaker::gather(const ElasticSimulation::Touch& touch, const elastic::Ve
     const bool is_pressed =
         !touch.forces_on_body_newton.empty() && !touch.forces_on_body_newton[p].isZero(0.0);
     if (p == 0 || point.nodes != body_.points[p - 1].nodes) {  // a face's points are together
-      const auto corner = [&](std::size_t k) -> Vector3 {
-        return x_m.segment<3>(3 * Eigen::Index{point.nodes[k]});
-      };
-      const Vector3 face = (corner(1) - corner(0)).cross(corner(2) - corner(0));
-      facing = face.dot(state.normal) / std::max(face.norm(), 1e-30);
+      facing = point.outward(x_m.data()).dot(state.normal);
     }
     if (facing < kLeastTowardsTip && !is_pressed) continue;
     const Vector3 at_m = point.position_m(x_m.data());

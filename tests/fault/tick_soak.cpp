@@ -136,9 +136,10 @@ class TickSoak : public testing::Test {
 
   /// As device_node would be started.
   void run(const char* name, const std::function<void(NodeContext&)>& body) const {
+    const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
     std::vector<std::string> arguments{"tick_soak",
                                        "--session",
-                                       PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb",
+                                       session,
                                        "--set",
                                        name,
                                        "--seconds",

@@ -27,14 +27,6 @@ constexpr double kHidden = std::numeric_limits<double>::infinity();
 
 using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 
-// Normal of its face, of any length.
-Vector3d outward_of(const SurfacePoint& point, const VectorXd& x_m) {
-  const auto corner = [&](std::size_t k) -> Vector3d {
-    return x_m.segment<3>(3 * Eigen::Index{point.nodes[k]});
-  };
-  return (corner(1) - corner(0)).cross(corner(2) - corner(0));
-}
-
 }  // namespace
 
 CondensedContact::CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
@@ -50,15 +42,19 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   std::vector<std::size_t> order(points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::vector<double> distances;
-  const bool is_session = !along.isZero(0.0);
+  const bool knows_sides = !along.isZero(0.0);
   for (std::size_t i = 0; i < points.size(); ++i) {
     // a force that is there must be able to go
     const bool is_pressed = !forces_on_body_newton.empty() && !forces_on_body_newton[i].isZero(0.0);
     const Vector3d way = points[i].position_m(x_m.data()) - centre_m;
     const double distance_m = way.norm();
-    distances.push_back(is_pressed ? -1.0 / std::max(distance_m, 1e-9)
-                        : is_session && outward_of(points[i], x_m).dot(way) > 0.0 ? kHidden
-                                                                                  : distance_m);
+    double key = distance_m;
+    if (is_pressed) {
+      key = -1.0 / std::max(distance_m, 1e-9);
+    } else if (knows_sides && points[i].outward(x_m.data()).dot(way) > 0.0) {
+      key = kHidden;
+    }
+    distances.push_back(key);
   }
   const std::size_t most = std::min({points.size(), static_cast<std::size_t>(most_points),
                                      static_cast<std::size_t>(kMostPoints)});
@@ -86,7 +82,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   for (std::size_t j = 0; j < count; ++j) {
     const SurfacePoint& at = points[chosen_[j]];
     positions_m_.push_back(at.position_m(x_m.data()));
-    is_held_.push_back(at.is_held(compliance_.body().pattern()));
+    is_held_.push_back(at.is_held(compliance_.body().pattern()) ? 1 : 0);
     rigid_give_.push_back(1.0 / (stiffness_pa_per_m_ * std::max(at.area_m2, kLeastArea_m2)));
     forces_newton_.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
                                                            : forces_on_body_newton[chosen_[j]]);
@@ -335,8 +331,18 @@ void CondensedContact::add_swing(double pace) noexcept {
   if (modal_.is_empty()) return;
   const Eigen::VectorXd& after = modal_.amount_after(base_forces_newton_);
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    bases_m_[i] = positions_m_[i] +
-                  (modal_.at(i, after) - (1.0 - pace) * modal_.at(i, modal_.amount())) / pace;
+    const Vector3d moved_m = modal_.at(i, after);
+    bases_m_[i] = positions_m_[i] + (moved_m - (1.0 - pace) * modal_.at(i, modal_.amount())) / pace;
+    still_m_[i] += moved_m;
+  }
+}
+
+/// The points between the equilibria, without the modes that move by themselves.
+void CondensedContact::stand_still() noexcept {
+  const bool has_two = equilibria_.size() > 1;
+  for (std::size_t i = 0; i < still_m_.size(); ++i) {
+    still_m_[i] = equilibria_[lower_].positions_m[i];
+    if (has_two) still_m_[i] += share_ * (equilibria_[lower_ + 1].positions_m[i] - still_m_[i]);
   }
 }
 
@@ -360,13 +366,8 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
   has_centre_ = true;
   begin_swing(step_s, pace);
   start_between(sum_of_forces_newton());
+  if (!along_.isZero(0.0)) stand_still();
   add_swing(pace);
-  const bool has_two = equilibria_.size() > 1;
-  for (std::size_t i = 0; i < still_m_.size(); ++i) {
-    still_m_[i] = equilibria_[lower_].positions_m[i];
-    if (has_two) still_m_[i] += share_ * (equilibria_[lower_ + 1].positions_m[i] - still_m_[i]);
-    if (!modal_.is_empty()) still_m_[i] += modal_.at(i, modal_.amount_after(base_forces_newton_));
-  }
   for (std::size_t i = 0; i < held_m_.size(); ++i) {
     held_m_[i] = bases_m[i];
     for (std::size_t b = 0; b < branches_.size(); ++b) {

@@ -197,6 +197,7 @@ class CondensedContact {
                                                const VectorXd& v_m_per_s) const;
   void begin_swing(double step_s, double pace) noexcept;
   void add_swing(double pace) noexcept;
+  void stand_still() noexcept;
   [[nodiscard]] bool scale_compliance();
   [[nodiscard]] const std::vector<float>& in_step() const noexcept {
     return modal_.is_empty() ? among_ : stepped_;
@@ -222,7 +223,7 @@ class CondensedContact {
   std::vector<Vector3d> base_forces_newton_;
   std::vector<Vector3d> forces_newton_;  // on the body
   std::vector<Vector3d> still_m_;        // the points between the equilibria @see SphereSweep
-  Vector3d along_ = Vector3d::UnitZ();
+  Vector3d along_ = Vector3d::Zero();
   std::vector<Vector3d> reached_m_;     // the points at the end of the last step
   std::vector<float> displacements_m_;  // that the compliance adds, 3 each
   std::vector<float> among_;            // column-major 3n × 3n; without the modes of modal_

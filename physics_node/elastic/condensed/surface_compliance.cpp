@@ -80,9 +80,9 @@ bool SurfaceCompliance::confirms(const Columns& columns, std::span<const std::ui
   if (free.empty()) return true;
   if (!has_factor()) return false;
   std::vector<std::vector<float>> own(free.size(), std::vector<float>(9 * nodes_.size()));
-  std::vector<float*> values;
-  for (auto& one : own) values.push_back(one.data());
-  factor_.columns(free, nodes_, values);
+  std::array<float*, WarpedFactor::kMostColumns> values{};
+  std::transform(own.begin(), own.end(), values.begin(), [](auto& one) { return one.data(); });
+  factor_.columns(free, nodes_, {values.data(), own.size()});
   for (std::size_t i = 0; i < free.size(); ++i) {
     const std::vector<float>& given = columns.at(free[i]);
     float largest = 0.0F;

@@ -59,7 +59,8 @@ bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
       const auto add = [&](std::uint32_t i, std::uint32_t slot, bool is_transposed) {
         const std::uint32_t row = symbolic_->position[i];
         if (row < node.first + c) return;  // was taken when that column was
-        double* to = front.data() + 3 * c * ld + 3 * static_cast<std::size_t>(place[row]);
+        double* to =
+            front.data() + 3 * std::size_t{c} * ld + 3 * static_cast<std::size_t>(place[row]);
         const double* block = values.data() + 9 * std::size_t{slot};
         for (std::size_t b = 0; b < 3; ++b) {
           for (std::size_t a = 0; a < 3; ++a) {

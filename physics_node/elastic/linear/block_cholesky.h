@@ -32,7 +32,7 @@ class BlockCholesky {
 
   /// Columns of A⁻¹ for up to kMostColumns rows of the pattern, read by column_entry() until the
   /// next call. Costs less than as many solutions: a panel is read once for all, and on the way up
-  /// only those that a column reaches. Allocates in its first call.
+  /// only those that a column reaches. Allocates.
   void solve_columns(std::span<const std::uint32_t> rows);
   /// A⁻¹ at a row of the pattern, for the which-th of the columns, 3 × 3.
   [[nodiscard]] Scalar column_entry(std::uint32_t row, std::size_t i, std::size_t which,

@@ -205,8 +205,8 @@ struct TogetherOf<float> {
   using Type = float __attribute__((vector_size(kTogether * sizeof(float))));
 };
 
-// Y(rows of M) or Y(columns of M), `kRows` of them from `first`, the sums over the other index of
-// M: `to_row` and `to_term` are the steps in M along each.
+// `kRows` rows of Y = M X or Mᵀ X, sums over the other index of M: `to_row` and `to_term` are the
+// steps in M along each.
 template <int kRows, class Scalar>
 PALPATE_INLINE void sum_together(const Scalar* m, std::ptrdiff_t to_row, std::ptrdiff_t to_term,
                                  int terms, const Scalar* x, Scalar* y) {

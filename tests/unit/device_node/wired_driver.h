@@ -59,6 +59,22 @@ DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& o
   return error;
 }
 
+/// Expects that answers which come twice, from 1 s on, are a fault: the second of a pair comes when
+/// it comes, and the message after that notices it.
+template <class Config, class Open>
+void expect_doubled_answers_noticed(Config config, test::SharedClock& time, const Open& open) {
+  using namespace std::chrono_literals;
+  const SteadyClock clock;
+  const auto device = open(config, clock, StartUp{.limit = test::patience(20s)});
+  EXPECT_TRUE(device->calibrate());
+  time.set(1500ms);
+  DeviceSample sample;
+  int readings = 0;
+  while (readings < 100 && device->read(sample)) ++readings;
+  EXPECT_LT(readings, 100);
+  EXPECT_EQ(device->last_error(), DeviceError::kCorrupt);
+}
+
 /// A force under which the messages fail for a second, while the motors end nothing by themselves:
 /// no release is confirmed in it, and afterwards one is, with the motors limp.
 template <class Emulated, class Open>

@@ -160,8 +160,8 @@ class LinearBody {
       const Eigen::Matrix<double, 12, 12> K = std::abs(volume_m3) * B.transpose() * D * B;
       for (Eigen::Index i = 0; i < 12; ++i) {
         for (Eigen::Index j = 0; j < 12; ++j) {
-          const int row = body.pattern().row_of[nodes[static_cast<std::size_t>(i / 3)]];
-          const int column = body.pattern().row_of[nodes[static_cast<std::size_t>(j / 3)]];
+          const Eigen::Index row = body.pattern().row_of[nodes[static_cast<std::size_t>(i / 3)]];
+          const Eigen::Index column = body.pattern().row_of[nodes[static_cast<std::size_t>(j / 3)]];
           if (row < 0 || column < 0) continue;
           entries.emplace_back(3 * row + i % 3, 3 * column + j % 3, K(i, j));
         }
@@ -176,7 +176,7 @@ class LinearBody {
 
   void press(const elastic::SurfacePoint& point, const Vector3& force_newton) {
     for (std::size_t a = 0; a < static_cast<std::size_t>(point.count); ++a) {
-      const int row = body_.pattern().row_of[point.nodes[a]];
+      const Eigen::Index row = body_.pattern().row_of[point.nodes[a]];
       if (row >= 0) load_.segment<3>(3 * row) += point.weights[a] * force_newton;
     }
   }
@@ -184,7 +184,7 @@ class LinearBody {
   [[nodiscard]] Vector3 moved_m(const elastic::SurfacePoint& point) const {
     Vector3 sum = Vector3::Zero();
     for (std::size_t a = 0; a < static_cast<std::size_t>(point.count); ++a) {
-      const int row = body_.pattern().row_of[point.nodes[a]];
+      const Eigen::Index row = body_.pattern().row_of[point.nodes[a]];
       if (row >= 0) sum += point.weights[a] * moved_m_.segment<3>(3 * row);
     }
     return sum;
