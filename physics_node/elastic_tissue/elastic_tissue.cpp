@@ -29,6 +29,7 @@ constexpr double kStepRadii = 0.25;
 constexpr double kPatchRadii = 1.0;
 // They are chosen where the tip will be while they are used, after so many steps of the solution.
 constexpr double kAhead = 1.5;
+constexpr double kMostInwardRadii = 0.5;
 // Another one is due before the period is over when a tip has moved so far.
 constexpr double kFastRadii = 1.0 / 12.0;
 // So many follow as fast as they can after a tip was so fast that it moved as far in the shortest
@@ -352,7 +353,11 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   const ElasticSimulation::Touch& touch = simulation_.touch(index);
   Prepared& draft = tool.prepared.draft();
   draft.contact.emplace(compliance_, 0.0, body_->contact_stiffness_pa_per_m);
-  draft.patch_m = touch.centre_m + kAhead * step_s * tool.velocity_m_per_s;
+  // not all the way into the body: a fast tip would be behind a thin one
+  Vector3 ahead_m = kAhead * step_s * tool.velocity_m_per_s;
+  const double inward_m = -ahead_m.dot(tool.slow_normal);
+  ahead_m += std::max(0.0, inward_m - kMostInwardRadii * tip_radius_m_) * tool.slow_normal;
+  draft.patch_m = touch.centre_m + ahead_m;
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
                          draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m,
                          tool.slow_normal);

@@ -272,6 +272,16 @@ std::optional<double> error_of_a_shallow_press(const ElasticBody& body, const Pl
   return largest;
 }
 
+/// Besides the first ones some of those where a fast tip once had, for one solution, only points
+/// behind the thin body: 0 N for 5 ms, and up to a third of the work back twice.
+std::vector<std::uint64_t> seeds_of_bodies() {
+  std::vector<std::uint64_t> all = test::seeds(100);
+  for (const std::uint64_t seed : {342U, 400U, 819U, 1263U, 1343U}) {
+    if (seed > all.size()) all.push_back(seed);
+  }
+  return all;
+}
+
 TEST(RandomBodies, AreRefusedOrRight) {
   const test::TempFolder folder;
   int refused = 0;
@@ -279,7 +289,8 @@ TEST(RandomBodies, AreRefusedOrRight) {
   int compared = 0;
   int held = 0;
   int beyond = 0;
-  for (const std::uint64_t seed : test::seeds(100)) {
+  const std::vector<std::uint64_t> seeds = seeds_of_bodies();
+  for (const std::uint64_t seed : seeds) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     RandomBody random(seed, folder);
     std::vector<std::shared_ptr<const ElasticBody>> bodies;
@@ -335,7 +346,7 @@ TEST(RandomBodies, AreRefusedOrRight) {
     EXPECT_GE(work_joule, -0.02 * most_newton * depth_m);
     pressed += most_newton > 0.0 ? 1 : 0;
   }
-  const int all = static_cast<int>(test::seeds(100).size());
+  const int all = static_cast<int>(seeds.size());
   std::printf(
       "%d bodies: %d refused, %d pressed; %d of %d beyond 10 %% of a slow press, %d compared "
       "with linear elasticity\n",
