@@ -122,7 +122,7 @@ void Dynamics::take_factor() {
 }
 
 // From start_ and v_ to found_, where the forces balance after h.
-SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
+SearchReport Dynamics::balance(double h_s, Obstacle* obstacle) {
   inertial_ = start_ + h_s * v_;
   found_ = inertial_ + (h_s * h_s) * acceleration_;
   relaxation_.begin(h_s, spring_newton_);
@@ -152,10 +152,19 @@ SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
     return make_factor(at_m, goal.shift(), obstacle);
   };
   // by reference: a copy of what it captures would be allocated
-  return search_.search(goal, limits, *factor_, found_, std::ref(refactor));
+  SearchReport report = search_.search(goal, limits, *factor_, found_, std::ref(refactor));
+  for (int round = 1; round < settings_.most_rounds && obstacle != nullptr && report.is_converged &&
+                      obstacle->begin_round(found_.data(), body_.pattern());
+       ++round) {
+    factors = 0;
+    const int iterations = report.iterations;
+    report = search_.search(goal, limits, *factor_, found_, std::ref(refactor));
+    report.iterations += iterations;
+  }
+  return report;
 }
 
-StepReport Dynamics::step(double dt_s, const Obstacle* obstacle) {
+StepReport Dynamics::step(double dt_s, Obstacle* obstacle) {
   ++counters_.steps;
   StepReport report;
   if (is_asleep_ && obstacle == nullptr) {
@@ -191,7 +200,7 @@ void Dynamics::choose_substeps(double h_s) {
   }
 }
 
-StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
+StepReport Dynamics::single_step(double dt_s, Obstacle* obstacle) {
   StepReport report;
   if (!is_energy_known_) {
     const Goal here{};

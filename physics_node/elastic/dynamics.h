@@ -36,6 +36,8 @@ struct DynamicsSettings {
   /// divided.
   double accuracy_m = 0.0;
   int most_substeps = 8;
+  /// A step goes on while Obstacle::begin_round() says so, at most so many rounds.
+  int most_rounds = 1;
 };
 
 struct StepReport {
@@ -76,7 +78,7 @@ class Dynamics {
   Dynamics& operator=(const Dynamics&) = delete;
 
   /// @param dt_s > 0   @param obstacle  may be null
-  StepReport step(double dt_s, const Obstacle* obstacle = nullptr);
+  StepReport step(double dt_s, Obstacle* obstacle = nullptr);
 
   [[nodiscard]] const VectorXd& x_m() const noexcept { return x_; }
   [[nodiscard]] const VectorXd& v_m_per_s() const noexcept { return v_; }
@@ -95,9 +97,9 @@ class Dynamics {
 
  private:
   void read_springs();
-  StepReport single_step(double dt_s, const Obstacle* obstacle);
+  StepReport single_step(double dt_s, Obstacle* obstacle);
   void choose_substeps(double h_s);
-  SearchReport balance(double h_s, const Obstacle* obstacle);
+  SearchReport balance(double h_s, Obstacle* obstacle);
   [[nodiscard]] bool make_factor(const VectorXd& x_m, const Body::Shift& shift,
                                  const Obstacle* obstacle);
   void ask_for_factor(const Body::Shift& shift, const Obstacle* obstacle);

@@ -22,6 +22,9 @@ class Obstacle {
                                    BlockValues& values) const {
     add_stiffness(x_m, pattern, values);
   }
+  /// Where a search ended: whether it shall go on from there, because the potential is another now
+  /// (an augmented Lagrangian whose multipliers have changed).
+  virtual bool begin_round(const double* /*x_m*/, const BlockPattern& /*pattern*/) { return false; }
   /// No node moves further in one iteration of a search, so that none jumps across the obstacle.
   [[nodiscard]] virtual double longest_correction_m() const {
     return std::numeric_limits<double>::infinity();

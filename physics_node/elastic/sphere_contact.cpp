@@ -210,6 +210,26 @@ void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, b
   }
 }
 
+double SphereContact::multiplier_after(const Touch& at, std::uint32_t point,
+                                       const BlockPattern& pattern) const {
+  return (*points_)[point].is_held(pattern)
+             ? 0.0
+             : std::min(at.pressure_pa, 2.0 * radius_m_ * stiffness_pa_per_m_);
+}
+
+bool SphereContact::begin_round(const double* x_m, const BlockPattern& pattern) {
+  const auto is_close = [&](std::uint32_t i) {
+    const Touch at = touch(i, x_m);
+    return at.pressure_pa == 0.0 || std::abs(at.gap_m) <= kClose * radius_m_ ||
+           (*points_)[i].is_held(pattern);
+  };
+  if (std::all_of(near_.begin(), near_.end(), is_close)) return false;
+  for (const std::uint32_t i : near_) {
+    multipliers_pa_[i] = multiplier_after(touch(i, x_m), i, pattern);
+  }
+  return true;
+}
+
 double SphereContact::update_multipliers(const double* x_m, const BlockPattern& pattern) {
   double deepest_m = 0.0;
   settled_.clear();
@@ -217,9 +237,7 @@ double SphereContact::update_multipliers(const double* x_m, const BlockPattern& 
     const Touch at = touch(i, x_m);
     const SurfacePoint& point = (*points_)[i];
     deepest_m = std::max(deepest_m, -at.gap_m);
-    multipliers_pa_[i] = point.is_held(pattern)
-                             ? 0.0
-                             : std::min(at.pressure_pa, 2.0 * radius_m_ * stiffness_pa_per_m_);
+    multipliers_pa_[i] = multiplier_after(at, i, pattern);
     if (at.pressure_pa == 0.0) continue;
     settled_.push_back({.point = i,
                         .force_on_body_newton = point.area_m2 * at.pressure_pa * at.normal,

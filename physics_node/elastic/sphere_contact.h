@@ -83,6 +83,9 @@ class SphereContact : public Obstacle {
   void add_exact_stiffness(const double* x_m, const BlockPattern& pattern,
                            BlockValues& values) const override;
   [[nodiscard]] double longest_correction_m() const override { return 0.2 * radius_m_; }
+  /// Until the pressed points are within kClose radii of where they belong.
+  bool begin_round(const double* x_m, const BlockPattern& pattern) override;
+  static constexpr double kClose = 0.002;
 
   [[nodiscard]] std::size_t near_count() const noexcept { return near_.size(); }
   /// From the centre to the nearest point, at the last choose_near(); a lower bound where none is
@@ -118,6 +121,8 @@ class SphereContact : public Obstacle {
   void add_blocks(const double* x_m, const BlockPattern& pattern, bool is_exact,
                   BlockValues& values) const;
   [[nodiscard]] Touch touch(std::size_t point, const double* x_m) const noexcept;
+  [[nodiscard]] double multiplier_after(const Touch& at, std::uint32_t point,
+                                        const BlockPattern& pattern) const;
   [[nodiscard]] bool look_at(std::size_t point, const Vector3d& at_m,
                              const Vector3d& face_normal) noexcept;
 

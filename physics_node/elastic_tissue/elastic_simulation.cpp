@@ -39,7 +39,8 @@ elastic::DynamicsSettings settings() {
           .most_factors = 4,
           .slow_ratio = 0.9,
           .slow_iterations = 4,
-          .other_step_ratio = 16.01};
+          .other_step_ratio = 16.01,
+          .most_rounds = 8};
 }
 
 }  // namespace
@@ -80,6 +81,14 @@ double ElasticSimulation::Tips::longest_correction_m() const {
     if (is_near[i] != 0) longest_m = std::min(longest_m, contacts[i].longest_correction_m());
   }
   return longest_m;
+}
+
+bool ElasticSimulation::Tips::begin_round(const double* x_m, const elastic::BlockPattern& pattern) {
+  bool is_begun = false;
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    if (is_near[i] != 0) is_begun = contacts[i].begin_round(x_m, pattern) || is_begun;
+  }
+  return is_begun;
 }
 
 ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,

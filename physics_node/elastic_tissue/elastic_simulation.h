@@ -97,6 +97,7 @@ class ElasticSimulation {
     void add_exact_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
                              elastic::BlockValues& values) const override;
     [[nodiscard]] double longest_correction_m() const override;
+    bool begin_round(const double* x_m, const elastic::BlockPattern& pattern) override;
   };
 
   [[nodiscard]] int parts_of(std::span<const std::optional<TipState>> tips) const;

@@ -450,24 +450,7 @@ double ElasticTissue::surface_offset_by_other_tools_m(std::size_t tool, std::siz
   for (std::size_t other = 0; other < tools_.size(); ++other) {
     const std::vector<elastic::Vector3d>& forces = simulation_.touch(other).forces_on_body_newton;
     if (other == tool || forces.empty()) continue;
-    std::vector<std::uint32_t> nodes;
-    for (std::size_t p = 0; p < forces.size(); ++p) {
-      if (!forces[p].isZero(0.0)) body_->points[p].add_nodes_to(nodes);
-    }
-    compliance_.require(nodes);
-    for (std::size_t p = 0; p < forces.size(); ++p) {
-      if (forces[p].isZero(0.0)) continue;
-      const elastic::SurfacePoint& from = body_->points[p];
-      for (std::size_t b = 0; b < static_cast<std::size_t>(from.count); ++b) {
-        const float* columns = compliance_.columns(from.nodes[b]);
-        for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
-          const auto row = static_cast<std::size_t>(compliance_.row_of(at.nodes[a]));
-          const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> give(columns +
-                                                                                   9 * row);
-          raised += at.weights[a] * from.weights[b] * normal.dot(give.cast<double>() * forces[p]);
-        }
-      }
-    }
+    raised += normal.dot(compliance_.moved_m(at, body_->points, forces));
   }
   return raised;
 }

@@ -10,6 +10,9 @@ namespace {
 
 // Of what a point moves aside, its normal follows so much.
 constexpr double kAside = 0.5;
+// The force of a point that gives way less than so much of its penalty changes in smaller parts: a
+// compliance of floats is not that exact.
+constexpr double kLeastGive = 0.1;
 
 PALPATE_CLONES void add_three(const float* m, std::size_t stride, const float* x, float* y) {
   const float* const m1 = m + stride;
@@ -66,9 +69,10 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
       const double give = std::max(0.0, normal.dot(own * normal));
       const double along = force.dot(normal);
       const double least = sphere.rigid_give_m_per_newton[i];
-      const double more = sphere.is_held[i] != 0 || give < sphere.pace * least ? least : 0.0;
-      const double press =
-          std::max(0.0, more > 0.0 ? (give * along - gap) / (give + more) : along - gap / give);
+      const double more = sphere.is_held[i] != 0 ? least : 0.0;
+      const double press = std::max(
+          0.0, more > 0.0 ? (give * along - gap) / (give + more)
+                          : along - gap / std::max(give, kLeastGive * sphere.pace * least));
       Vector3 wanted = press * normal;
       if (has_friction && press > 0.0) {
         // since the end of the last sweep

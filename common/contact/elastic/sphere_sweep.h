@@ -50,9 +50,8 @@ struct SphereSweep {
 };
 
 /// Gauss–Seidel: unilateral, Coulomb friction. At most so many sweeps, and changes of a force.
-/// Normals are those at the beginning: if they turned with the points, sweeps would not converge. A
-/// point that gives way less than its penalty is pressed by that, like one that is held. No
-/// allocation, no throw. Time: count · sweeps + 9 count · changes.
+/// Normals are those at the beginning: if they turned with the points, sweeps would not converge.
+/// No allocation, no throw. Time: count · sweeps + 9 count · changes.
 /// @return  the sweeps made
 int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
           double tolerance_m) noexcept;

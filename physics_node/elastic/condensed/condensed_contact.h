@@ -47,6 +47,9 @@ class SurfaceCompliance {
   /// along each axis, 3 × 3 row-major at the returned place + 9 × row, not turned.
   /// Until the next require(). @pre require(node)
   [[nodiscard]] const float* columns(std::uint32_t node) const { return columns_.at(node).data(); }
+  /// What forces on `points` move a point of the surface, not turned. Makes the columns it needs.
+  [[nodiscard]] Vector3d moved_m(const SurfacePoint& at, const std::vector<SurfacePoint>& points,
+                                 const std::vector<Vector3d>& forces_newton);
   /// 3 × 3, row-major.
   [[nodiscard]] const float* turn_of(std::uint32_t node) const {
     return turns_.data() + 9 * std::size_t{node};
@@ -105,8 +108,7 @@ class CondensedContact {
   static constexpr double kLeastErrorRatio = 0.01;
   static constexpr double kStiffness_pa_per_m = 1e10;
 
-  /// @param stiffness_pa_per_m  > 0: a point that gives way less than this penalty, because it is
-  ///     fixed or nearly so, is pressed by it @see SphereContact
+  /// @param stiffness_pa_per_m  > 0: the penalty of points that are held @see SphereContact
   CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
                    double stiffness_pa_per_m = kStiffness_pa_per_m);
 

@@ -119,4 +119,27 @@ void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
   if (count > 0) solve();
 }
 
+Vector3d SurfaceCompliance::moved_m(const SurfacePoint& at, const std::vector<SurfacePoint>& points,
+                                    const std::vector<Vector3d>& forces_newton) {
+  std::vector<std::uint32_t> nodes;
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    if (!forces_newton[p].isZero(0.0)) points[p].add_nodes_to(nodes);
+  }
+  require(nodes);
+  Vector3d sum = Vector3d::Zero();
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    if (forces_newton[p].isZero(0.0)) continue;
+    const SurfacePoint& from = points[p];
+    for (std::size_t b = 0; b < static_cast<std::size_t>(from.count); ++b) {
+      for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
+        const auto row = static_cast<std::size_t>(row_of(at.nodes[a]));
+        const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> give(
+            columns(from.nodes[b]) + 9 * row);
+        sum += at.weights[a] * from.weights[b] * (give.cast<double>() * forces_newton[p]);
+      }
+    }
+  }
+  return sum;
+}
+
 }  // namespace palpate::elastic
