@@ -37,6 +37,10 @@ static void fill(const palpate_device* d, palpate_device_reading* out) {
   out->orientation_wxyz[0] = 1.0;
   out->orientation_wxyz[1] = out->orientation_wxyz[2] = out->orientation_wxyz[3] = 0.0;
   out->sampled_at_ns = d->moved_until_ns;
+  /* a real one takes this from its current sensors; an older Palpate does not know the member */
+  if (PALPATE_DEVICE_KNOWS(palpate_device_reading, out, measured_force_newton)) {
+    memcpy(out->measured_force_newton, d->force_newton, sizeof(d->force_newton));
+  }
 }
 
 static palpate_device* open_device(const char* options, const palpate_device_host* host,
@@ -58,7 +62,7 @@ static void specify(const palpate_device* d, palpate_device_specification* out) 
   strcpy(out->model_name, "example plug-in");
   for (int i = 0; i < 3; ++i) out->workspace_half_extent_m[i] = 0.1;
   out->peak_force_newton = out->continuous_force_newton = kPeakNewton;
-  out->flags = PALPATE_DEVICE_HAS_WATCHDOG;
+  out->flags = PALPATE_DEVICE_HAS_WATCHDOG | PALPATE_DEVICE_MEASURES_FORCE;
 }
 
 static int read_device(palpate_device* d, palpate_device_reading* out) {

@@ -26,9 +26,14 @@ extern "C" {
 #endif
 
 /** Version of this interface. Grows when a function or a member changes its meaning. New members
- * are appended to the structs, whose first member is their size as the one who fills them in knows
- * it. */
+ * are appended to the structs, whose first member is their size as the one who made them knows it.
+ */
 #define PALPATE_DEVICE_ABI 1u
+
+/** Whether the one who made the struct behind `pointer` knows its member: to be asked before a
+ * member is used that this header had not from the start. */
+#define PALPATE_DEVICE_KNOWS(type, pointer, member) \
+  ((pointer)->size >= offsetof(type, member) + sizeof((pointer)->member))
 
 /** One open device. Its contents are the driver's own. */
 typedef struct palpate_device palpate_device;
@@ -50,7 +55,10 @@ enum palpate_device_flags {
    * end before its lease, and ends with the first call after it. */
   PALPATE_DEVICE_HAS_WATCHDOG = 1u << 0,
   /** The watchdog stores the position at that moment: take_latched gives it. */
-  PALPATE_DEVICE_HAS_LATCH = 1u << 1
+  PALPATE_DEVICE_HAS_LATCH = 1u << 1,
+  /** Current or torque sensors tell what the motors do: every reading has measured_force_newton.
+   * Forces that are not those applied are a fault. */
+  PALPATE_DEVICE_MEASURES_FORCE = 1u << 2
 };
 
 /** What the device is. Asked once, after open; constant until close. Refused, with the rule, unless
@@ -70,7 +78,8 @@ typedef struct palpate_device_specification {
 
 /** One reading. The caller sets size, buttons 0, an identity orientation and zeros elsewhere. A
  * stamp in the future, an orientation of a norm outside 0.5 … 2 or a force that is not finite or
- * above the peak releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
+ * above the peak (measured: ten times the peak) releases the motors and counts as
+ * PALPATE_DEVICE_CORRUPT. */
 typedef struct palpate_device_reading {
   uint32_t size;              /**< sizeof(palpate_device_reading), set by the caller */
   uint32_t buttons;           /**< bit i: button i is held */
@@ -80,6 +89,9 @@ typedef struct palpate_device_reading {
   /** Of a switch: what acts on the hand from now on [N], D, limited and quantised as the motors
    * realise it. The energy is counted with it. */
   double applied_force_newton[3];
+  /** What the motors do on the hand now [N], D, by sensors, never by the command. Looked at with
+   * PALPATE_DEVICE_MEASURES_FORCE only. Added later: ask PALPATE_DEVICE_KNOWS before writing it. */
+  double measured_force_newton[3];
 } palpate_device_reading;
 
 /** What the library may use of the program that loads it. Valid until close has returned. */

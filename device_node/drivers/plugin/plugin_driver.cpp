@@ -175,6 +175,7 @@ class PluginDevice final : public HapticDevice {
                       .button_count = s.button_count,
                       .has_motor_watchdog = (s.flags & PALPATE_DEVICE_HAS_WATCHDOG) != 0,
                       .has_position_latch = (s.flags & PALPATE_DEVICE_HAS_LATCH) != 0};
+    measures_force_ = (s.flags & PALPATE_DEVICE_MEASURES_FORCE) != 0;
   }
 
   bool is_ok(int error) noexcept {
@@ -191,8 +192,11 @@ class PluginDevice final : public HapticDevice {
     const Quaternion orientation(q[0], q[1], q[2], q[3]);
     const double norm = orientation.norm();
     const Vector3 applied = vector_of(reading.applied_force_newton);
-    const bool is_real =
-        applied.allFinite() && applied.norm() <= kRounding * specification_.peak_force_newton;
+    const Vector3 measured = vector_of(reading.measured_force_newton);
+    // a NaN is not ≤, so that it is refused too
+    const double peak_newton = specification_.peak_force_newton;
+    const bool is_real = applied.norm() <= kRounding * peak_newton &&
+                         (!measures_force_ || measured.norm() <= kMostMeasured * peak_newton);
     if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !is_real) {
       driver_->release(device_);
       error_ = DeviceError::kCorrupt;
@@ -203,10 +207,12 @@ class PluginDevice final : public HapticDevice {
               .buttons = reading.buttons,
               .sampled_at = stamp,
               .applied_force_newton = applied};
+    if (measures_force_) sample.measured_newton = measured;
     return true;
   }
 
-  static constexpr double kRounding = 1.001;  // of motors that quantise
+  static constexpr double kRounding = 1.001;     // of motors that quantise
+  static constexpr double kMostMeasured = 10.0;  // what is more is no measurement
 
   Host host_;
   const Clock& clock_;
@@ -214,6 +220,7 @@ class PluginDevice final : public HapticDevice {
   const palpate_device_driver* driver_ = nullptr;
   palpate_device* device_ = nullptr;
   DeviceSpecification specification_;
+  bool measures_force_ = false;
   DeviceError error_ = DeviceError::kNone;
   Vector3 acting_newton_ = Vector3::Zero();  // until lease_end_
   TimePoint lease_end_{};

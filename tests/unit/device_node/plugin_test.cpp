@@ -3,11 +3,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <dlfcn.h>
+
+#include <algorithm>
 #include <chrono>
+#include <cstddef>
+#include <iterator>
 #include <map>
 #include <string>
 
 #include "common/core/check.h"
+#include "device_node/drivers/plugin/palpate_device.h"
 #include "device_node/drivers/plugin/plugin_driver.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
@@ -37,6 +43,73 @@ TEST(Plugin, ALibraryThatIsMissingOrNoDriverIsRefused) {
 TEST(Plugin, WhatItsOpenRefusesIsSaid) {
   EXPECT_THAT(refusal_of(PALPATE_EXAMPLE_DEVICE, "speed=9"),
               HasSubstr("knows no option \"speed=9\""));
+}
+
+// --- members that palpate_device.h has got since its first version ------------------------------
+
+constexpr std::size_t kFirstReadingBytes = 96;
+static_assert(offsetof(palpate_device_reading, measured_force_newton) == kFirstReadingBytes,
+              "libraries and programs that were built before know the members before it");
+
+std::unique_ptr<HapticDevice> open_wrong(const std::string& fault, const Clock& clock) {
+  return open_plugin({.library = PALPATE_WRONG_DEVICE, .options = fault}, clock, {});
+}
+
+TEST(Plugin, WhatItsSensorsMeasureIsPassedOn) {
+  ManualClock clock;
+  const auto device = open_plugin({.library = PALPATE_EXAMPLE_DEVICE, .options = ""}, clock, {});
+  DeviceSample sample;
+  ASSERT_TRUE(device->apply({0.5, 0, -1.0}, std::chrono::milliseconds(3), sample));
+  EXPECT_EQ(sample.measured_newton, Vector3(0.5, 0, -1.0));
+  clock.advance(std::chrono::milliseconds(4));
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_EQ(sample.measured_newton, Vector3(0, 0, 0)) << "its watchdog has ended the force";
+}
+
+TEST(Plugin, ALibraryFromBeforeMeasuresNothing) {
+  const ManualClock clock;
+  const auto device = open_wrong("older", clock);
+  DeviceSample sample;
+  ASSERT_TRUE(device->apply({0.5, 0, -1.0}, std::chrono::milliseconds(3), sample));
+  EXPECT_EQ(sample.measured_newton, std::nullopt);
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_EQ(sample.measured_newton, std::nullopt);
+  EXPECT_EQ(sample.applied_force_newton, Vector3(0.5, 0, -1.0));
+}
+
+// A Palpate from before the member has a shorter reading.
+TEST(Plugin, TheExampleWritesNothingThatItsCallerDoesNotKnow) {
+  void* const library = dlopen(PALPATE_EXAMPLE_DEVICE, RTLD_NOW | RTLD_LOCAL);
+  ASSERT_NE(library, nullptr);
+  const auto driver_of =
+      reinterpret_cast<palpate_device_driver_of_function>(dlsym(library, PALPATE_DEVICE_ENTRY));
+  const palpate_device_driver* const driver = driver_of(PALPATE_DEVICE_ABI);
+  palpate_device_host host{};
+  host.size = sizeof(host);
+  host.clock_ns = [](void* /*context*/) { return std::int64_t{0}; };
+  palpate_device* const device = driver->open("", &host, nullptr, 0);
+  ASSERT_NE(device, nullptr);
+  palpate_device_reading reading{};
+  reading.size = kFirstReadingBytes;
+  std::fill(std::begin(reading.measured_force_newton), std::end(reading.measured_force_newton),
+            7.0);
+  const double force_newton[3] = {1.0, 0.0, 0.0};
+  EXPECT_EQ(driver->apply(device, force_newton, 1000, &reading), PALPATE_DEVICE_OK);
+  EXPECT_EQ(reading.applied_force_newton[0], 1.0);
+  EXPECT_EQ(reading.measured_force_newton[0], 7.0);
+  driver->close(device);
+  dlclose(library);
+}
+
+TEST(Plugin, AMeasuredForceThatNoDeviceHasReleasesTheMotors) {
+  for (const char* fault : {"measures no number", "measures too much"}) {
+    const ManualClock clock;
+    const auto device = open_wrong(fault, clock);
+    DeviceSample sample;
+    EXPECT_FALSE(device->read(sample)) << fault;
+    EXPECT_EQ(device->last_error(), DeviceError::kCorrupt) << fault;
+    EXPECT_FALSE(device->apply({0, 0, 1}, std::chrono::milliseconds(1), sample)) << fault;
+  }
 }
 
 // --- plug-ins for vendors' libraries, with a stand-in of these ----------------------------------
@@ -135,7 +208,7 @@ std::unique_ptr<DeviceBench> open_example() { return std::make_unique<PluginUnde
 /// By the motion alone, as `palpate conform device` does it; what each check found.
 std::map<std::string, CheckOutcome> outcomes_of(const std::string& fault) {
   ManualClock time;
-  const auto plugin = open_plugin({.library = PALPATE_WRONG_DEVICE, .options = fault}, time, {});
+  const auto plugin = open_wrong(fault, time);
   OpenedDevice bench(*plugin, time, std::chrono::milliseconds(1), {});
   std::map<std::string, CheckOutcome> outcomes;
   for (const DeviceCheck& check : device_checks()) outcomes[check.name] = check.run(bench);
@@ -149,6 +222,13 @@ TEST(PluginConformanceByMotion, TheEndOfAForceIsSeen) {
     const CheckOutcome found = outcomes_of(fault)["lease"];
     EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
   }
+}
+
+TEST(PluginConformanceByMotion, AMeasuredForceThatIsNotTheAppliedOneIsNamed) {
+  EXPECT_EQ(outcomes_of("")["applied"].verdict, CheckVerdict::kGood);
+  const CheckOutcome found = outcomes_of("measures another force")["applied"];
+  EXPECT_EQ(found.verdict, CheckVerdict::kFailed);
+  EXPECT_THAT(found.text, HasSubstr("measured_newton is"));
 }
 
 TEST(PluginConformanceByMotion, PositionsThatBecomeNotFiniteFail) {

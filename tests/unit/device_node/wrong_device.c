@@ -16,11 +16,24 @@ static palpate_device* open_wrong(const char* options, const palpate_device_host
   return open_device("", host, error, error_size);
 }
 
+static void measure_wrong(palpate_device_reading* out) {
+  if (strcmp(fault, "measures another force") == 0) out->measured_force_newton[2] = 9.0;
+  if (strcmp(fault, "measures no number") == 0) out->measured_force_newton[0] = NAN;
+  if (strcmp(fault, "measures too much") == 0) out->measured_force_newton[0] = 31.0;
+}
+
+static void specify_wrong(const palpate_device* d, palpate_device_specification* out) {
+  specify(d, out);
+  /* as a library does that was made before the flag and its member */
+  if (strcmp(fault, "older") == 0) out->flags &= ~(uint32_t)PALPATE_DEVICE_MEASURES_FORCE;
+}
+
 static int read_wrong(palpate_device* d, palpate_device_reading* out) {
   const int error = read_device(d, out);
   ++readings;
   if (strcmp(fault, "exits") == 0) _exit(0);
   if (strcmp(fault, "crashes") == 0) abort();
+  measure_wrong(out);
   if (strcmp(fault, "not finite") == 0 && readings > 100) out->position_m[1] = NAN;
   return error;
 }
@@ -29,13 +42,16 @@ static int apply_wrong(palpate_device* d, const double force_newton[3], int64_t 
                        palpate_device_reading* at_switch) {
   if (lease_ns > 0 && strcmp(fault, "late") == 0) lease_ns += 50000000;
   if (lease_ns > 0 && strcmp(fault, "no watchdog") == 0) lease_ns = INT64_MAX / 4;
-  return apply_force(d, force_newton, lease_ns, at_switch);
+  const int error = apply_force(d, force_newton, lease_ns, at_switch);
+  measure_wrong(at_switch);
+  return error;
 }
 
 const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
   static palpate_device_driver wrong;
   wrong = *right_driver_of(PALPATE_DEVICE_ABI);
   wrong.open = open_wrong;
+  wrong.specification = specify_wrong;
   wrong.read = read_wrong;
   wrong.apply = apply_wrong;
   return abi == PALPATE_DEVICE_ABI ? &wrong : NULL;
