@@ -65,7 +65,7 @@ class HaplyDevice final : public WireDevice {
     if (socket_->receive(text, until - clock().now()) != Transfer::kDone) {
       throw std::runtime_error("the service closed the connection or said nothing");
     }
-    return read_haply_snapshot(std::string(text), config_.device_id, config_.grip_id);
+    return read_haply_snapshot(std::string(text), config_.device_id, config_.grip_id, dialect_);
   }
 
   [[nodiscard]] bool knows_its_calibration() override {
@@ -181,7 +181,7 @@ class HaplyDevice final : public WireDevice {
 
   static bool is_ready(const HaplyState& state) noexcept {
     return state.is_powered.value_or(true) && state.is_calibrated.value_or(true) &&
-           state.is_ready.value_or(true) && !state.is_scaled;
+           state.is_ready.value_or(true) && !state.is_transformed;
   }
 
   HaplyConfig config_;

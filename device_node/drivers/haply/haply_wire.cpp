@@ -13,9 +13,19 @@
 namespace palpate::device {
 namespace {
 
-bool is_unit_scale(double scale) noexcept { return std::abs(scale - 1.0) <= 1e-6; }
-
 using nlohmann::json;
+
+/// A part of a transform and its value that changes nothing: of a rotation that of x, y and z.
+struct TransformPart {
+  const char* name;
+  double neutral;
+};
+constexpr std::array kTransformParts{TransformPart{"position", 0.0}, TransformPart{"rotation", 0.0},
+                                     TransformPart{"scale", 1.0}};
+
+bool is_neutral(double value, const TransformPart& part) noexcept {
+  return std::abs(value - part.neutral) <= 1e-6;
+}
 
 /// {"x": …, "y": …, "z": …}
 bool read_vector(JsonReader& reader, std::optional<Vector3>& value) noexcept {
@@ -63,20 +73,29 @@ bool read_buttons(JsonReader& reader, std::string_view key,
   return is_read;
 }
 
-/// A scale, one number or {"x": …, "y": …, "z": …}.
-bool read_scale(JsonReader& reader, bool& is_scaled) noexcept {
-  const auto judge = [&](double scale) { is_scaled = is_scaled || !is_unit_scale(scale); };
+/// A part of a transform: one number or {"x": …, "y": …, "z": …}, of a rotation with w.
+bool read_part(JsonReader& reader, const TransformPart& part, bool& is_transformed) noexcept {
+  double value = part.neutral;
   JsonReader number = reader;
-  double scale = 1.0;
-  if (number.number(scale)) {
-    judge(scale);
+  if (number.number(value)) {
+    is_transformed = is_transformed || !is_neutral(value, part);
     reader = number;
     return true;
   }
-  return reader.object([&](std::string_view, JsonReader& member) noexcept {
-    if (!member.number(scale)) return false;
-    judge(scale);
+  return reader.object([&](std::string_view axis, JsonReader& member) noexcept {
+    if (!member.number(value)) return false;
+    is_transformed = is_transformed || (axis != "w" && !is_neutral(value, part));
     return true;
+  });
+}
+
+/// {"position": …, "rotation": …, "scale": …}; what changes nothing may be left out.
+bool read_transform(JsonReader& reader, bool& is_transformed) noexcept {
+  return reader.object([&](std::string_view key, JsonReader& value) noexcept {
+    for (const TransformPart& part : kTransformParts) {
+      if (key == part.name) return read_part(value, part, is_transformed);
+    }
+    return value.skip();
   });
 }
 
@@ -97,11 +116,7 @@ bool read_device(JsonReader& reader, HaplyState& state) noexcept {
     if (key == "cursor_position") return read_vector(value, state.cursor_position_m);
     if (key == "cursor_velocity") return read_vector(value, state.cursor_velocity_m_per_s);
     if (key == "current_cursor_force") return read_vector(value, state.cursor_force_newton);
-    if (key == "transform") {
-      return value.object([&](std::string_view part, JsonReader& member) noexcept {
-        return part == "scale" ? read_scale(member, state.is_scaled) : member.skip();
-      });
-    }
+    if (key == "transform") return read_transform(value, state.is_transformed);
     return value.skip();
   });
 }
@@ -160,15 +175,46 @@ double number_at(const json& object, const json::json_pointer& path) {
   return object.contains(path) && object.at(path).is_number() ? object.at(path).get<double>() : 0.0;
 }
 
-/// Of {"scale": 1.5} or {"scale": {"x": 1.5, …}}.
-bool is_scaled(const json& transform) {
-  if (!transform.is_object() || !transform.contains("scale")) return false;
-  const json& scale = transform.at("scale");
-  if (scale.is_number()) return !is_unit_scale(scale.get<double>());
-  if (!scale.is_object()) return false;
-  return std::any_of(scale.begin(), scale.end(), [](const json& part) {
-    return part.is_number() && !is_unit_scale(part.get<double>());
-  });
+/// Whether a part of {"position": …, "rotation": …, "scale": …} changes something.
+bool has_part(const json& transform, const char* name) {
+  if (!transform.is_object() || !transform.contains(name)) return false;
+  const json& found = transform.at(name);
+  const TransformPart& part =
+      *std::find_if(kTransformParts.begin(), kTransformParts.end(),
+                    [&](const TransformPart& one) { return std::string_view(one.name) == name; });
+  const auto is_other = [&](const json& value) {
+    return value.is_number() && !is_neutral(value.get<double>(), part);
+  };
+  if (!found.is_object()) return is_other(found);
+  for (const auto& [axis, value] : found.items()) {
+    if (axis != "w" && is_other(value)) return true;
+  }
+  return false;
+}
+
+/// Refuses what makes the counted work another one than that of the hand.
+void refuse_transforms(const std::string& device_id, const json& mount, const json& workspace,
+                       HaplyDialect dialect) {
+  const auto refuse = [&](const std::string& what, const std::string& why,
+                          const std::string& remedy) {
+    throw std::runtime_error("the Inverse Service " + what + " Inverse3 " + device_id + ": " + why +
+                             "; " + remedy);
+  };
+  if (has_part(mount, "scale")) {
+    refuse("scales the positions of", "the work of the hand would be counted wrongly",
+           "set the scale of its mount to 1");
+  }
+  for (const TransformPart& part : kTransformParts) {
+    if (!has_part(workspace, part.name)) continue;
+    refuse(std::string("has a workspace transform (") + part.name + ") for",
+           "positions would move without the hand, and its work would be counted wrongly",
+           "reset it in the service (set_transform), and end its navigation");
+  }
+  if (dialect == HaplyDialect::kValues && has_part(mount, "rotation")) {
+    refuse("turns the mount of",
+           "of services before 3.5 it is not documented that forces are turned, too",
+           "set the rotation to none there and give it in device.haply_inverse.mount, or use 3.5");
+  }
 }
 
 }  // namespace
@@ -195,7 +241,7 @@ bool read_haply_state(std::string_view text, std::string_view device_id, std::st
 }
 
 HaplySnapshot read_haply_snapshot(const std::string& text, const std::string& device_id,
-                                  const std::string& grip_id) {
+                                  const std::string& grip_id, HaplyDialect dialect) {
   const json all = json::parse(text, nullptr, false);
   if (!all.is_object()) throw std::runtime_error("the service's first message is not JSON");
   try {
@@ -206,13 +252,9 @@ HaplySnapshot read_haply_snapshot(const std::string& text, const std::string& de
     snapshot.device_id = device->at("device_id").get<std::string>();
     const json config = device->value("config", json::object());
     const json status = device->value("status", json::object());
-    if (is_scaled(config.value("mount", json::object())) ||
-        is_scaled(device->value("state", json::object()).value("transform", json::object()))) {
-      throw std::runtime_error(
-          "the Inverse Service scales the positions of Inverse3 " + snapshot.device_id +
-          " (mount or transform): the work of the hand would be counted wrongly; set the scale to "
-          "1 there");
-    }
+    refuse_transforms(snapshot.device_id, config.value("mount", json::object()),
+                      device->value("state", json::object()).value("transform", json::object()),
+                      dialect);
     snapshot.is_calibrated = flag(status, "calibrated");
     snapshot.is_powered = flag(status, "power_supply");
     snapshot.is_ready = flag(status, "ready");

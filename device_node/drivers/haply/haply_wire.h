@@ -27,8 +27,8 @@ struct HaplyState {
   std::optional<bool> is_calibrated;
   std::optional<bool> is_powered;
   std::optional<bool> is_ready;
-  bool is_gone = false;    ///< a message like any other, but the device is not in its list
-  bool is_scaled = false;  ///< the service scales positions: counted work would be wrong
+  bool is_gone = false;         ///< a message like any other, but the device is not in its list
+  bool is_transformed = false;  ///< by a workspace transform: counted work would be wrong
   std::optional<bool> is_grip_connected;
 };
 
@@ -58,11 +58,11 @@ struct HaplySnapshot {
 /// @param device_id  "" takes the only Inverse3
 /// @param grip_id    "" takes the only grip, if there is one
 /// @throws std::runtime_error  not JSON, no such device, several without an id to choose one, or a
-///                             device whose positions the service scales; the text says what there
-///                             is
+///                             device with a workspace transform, a scale, or (dialect kValues) a
+///                             mount that is turned; the text says what there is
 [[nodiscard]] HaplySnapshot read_haply_snapshot(const std::string& text,
                                                 const std::string& device_id,
-                                                const std::string& grip_id);
+                                                const std::string& grip_id, HaplyDialect dialect);
 
 /// The first message to the service: names this client.
 [[nodiscard]] std::string haply_hello(std::string_view profile);

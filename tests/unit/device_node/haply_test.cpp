@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <map>
 #include <numbers>
 #include <string>
 #include <thread>
@@ -115,7 +116,7 @@ TEST(HaplyWire, ASnapshotNamesTheOnlyDeviceAndGripAndTheFilters) {
       R"({"session_id":7,"inverse3":[{"device_id":"049D","status":{"calibrated":false,"ready":true},)"
       R"("config":{"filters":{"force_gate":{"gain":0.3},"damping":{"scalar":0.1}}}}],)"
       R"("verse_grip":[{"device_id":"ab"}]})",
-      "", "");
+      "", "", HaplyDialect::kVector);
 
   EXPECT_EQ(snapshot.device_id, "049D");
   EXPECT_EQ(snapshot.grip_id, "ab");
@@ -129,10 +130,10 @@ TEST(HaplyWire, ASnapshotNamesTheOnlyDeviceAndGripAndTheFilters) {
 
 TEST(HaplyWire, OfSeveralDevicesOneHasToBeChosen) {
   const std::string two = R"({"inverse3":[{"device_id":"A"},{"device_id":"B"}]})";
-  EXPECT_EQ(read_haply_snapshot(two, "B", "").device_id, "B");
+  EXPECT_EQ(read_haply_snapshot(two, "B", "", HaplyDialect::kVector).device_id, "B");
   const auto text_of = [&](const std::string& id) -> std::string {
     try {
-      static_cast<void>(read_haply_snapshot(two, id, ""));
+      static_cast<void>(read_haply_snapshot(two, id, "", HaplyDialect::kVector));
     } catch (const std::runtime_error& error) {
       return error.what();
     }
@@ -275,12 +276,14 @@ TEST(HaplyDriver, AnswersThatComeTwiceAreAFault) {
   for (int i = 0; i < 100; ++i) ASSERT_TRUE(device->read(sample));
 }
 
-TEST(HaplyDriver, AServiceThatScalesPositionsIsRefused) {
-  const auto refused = [](const std::string& config, const std::string& state) {
+// The counted work is that of the hand only if positions are its own, and forces in their frame.
+TEST(HaplyDriver, AServiceThatChangesPositionsIsRefused) {
+  const auto refused = [](const std::string& config, const std::string& state,
+                          HaplyDialect dialect = HaplyDialect::kVector) {
     try {
       static_cast<void>(read_haply_snapshot(
           R"({"inverse3":[{"device_id":"A","config":)" + config + R"(,"state":)" + state + "}]}",
-          "", ""));
+          "", "", dialect));
     } catch (const std::runtime_error& error) {
       return std::string(error.what());
     }
@@ -288,17 +291,42 @@ TEST(HaplyDriver, AServiceThatScalesPositionsIsRefused) {
   };
   EXPECT_EQ(refused(R"({"mount":{"scale":1.0}})", R"({"transform":{}})"), "");
   EXPECT_THAT(refused(R"({"mount":{"scale":2}})", "{}"), HasSubstr("scales the positions"));
-  EXPECT_THAT(refused("{}", R"({"transform":{"scale":{"x":1,"y":1,"z":0.5}}})"),
-              HasSubstr("scales the positions"));
-  for (const char* scale : {"1.5", R"({"x":1,"y":1.5,"z":1})"}) {
+  // by the vendor's documentation, forces and positions go through basis and mount alike
+  const std::string led_front =
+      R"({"basis":{"permutation":"XZY"},"mount":{"position":{"x":0,"y":0.1,"z":-0.2},)"
+      R"("rotation":{"w":0,"x":0,"y":0,"z":1},"scale":{"x":1,"y":1,"z":1}}})";
+  EXPECT_EQ(refused(led_front, "{}"), "");
+  EXPECT_THAT(refused(led_front, "{}", HaplyDialect::kValues), HasSubstr("turns the mount"));
+  EXPECT_EQ(refused(R"({"mount":{"position":{"x":0,"y":0.1,"z":0},"rotation":{"w":-1,"x":0,"y":0,)"
+                    R"("z":0}}})",
+                    "{}", HaplyDialect::kValues),
+            "");
+}
+
+TEST(HaplyDriver, AWorkspaceTransformOfTheServiceIsRefusedAtTheStartAndInTheRun) {
+  for (const auto& [transform, what] : std::map<std::string, std::string>{
+           {"{}", ""},
+           {R"({"position":{"x":0,"y":0,"z":0},"rotation":{"x":0,"y":0,"z":0,"w":1},"scale":1})",
+            ""},
+           {R"({"scale":1.5})", "scale"},
+           {R"({"scale":{"x":1,"y":1,"z":0.5}})", "scale"},
+           {R"({"position":{"x":0,"y":0.001,"z":0}})", "position"},
+           {R"({"rotation":{"w":0.999,"x":0.04,"y":0,"z":0}})", "rotation"}}) {
+    const std::string text =
+        R"({"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":0,"z":0},)"
+        R"("transform":)" +
+        transform + "}}]}";
     HaplyState state;
-    ASSERT_TRUE(read_haply_state(
-        std::string(
-            R"({"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":0,"z":0},)"
-            R"("transform":{"scale":)") +
-            scale + "}}}]}",
-        "A", "", state));
-    EXPECT_TRUE(state.is_scaled) << "in the run, too";
+    ASSERT_TRUE(read_haply_state(text, "A", "", state)) << text;
+    EXPECT_EQ(state.is_transformed, !what.empty()) << text;
+    std::string refusal;
+    try {
+      static_cast<void>(read_haply_snapshot(text, "", "", HaplyDialect::kVector));
+    } catch (const std::runtime_error& error) {
+      refusal = error.what();
+    }
+    EXPECT_THAT(refusal, HasSubstr(what.empty() ? "" : "workspace transform (" + what + ")"));
+    EXPECT_EQ(refusal.empty(), what.empty()) << text;
   }
 }
 
