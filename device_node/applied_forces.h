@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// applied_forces.h — the echo: which force acted from when to when, as DeviceState reports it.
+// applied_forces.h — which force acts, and which acted from when to when: the echo that DeviceState
+// reports. The only place where the tick keeps it; the monitor keeps its own on purpose.
 #pragma once
 
 #include <algorithm>
@@ -105,6 +106,10 @@ class AppliedForces {
         static_cast<std::uint32_t>(std::copy(first, end, tick.acted.begin()) - tick.acted.begin());
   }
 
+  /// What acts at `at`, which is not before the last switch; none after its lease.
+  [[nodiscard]] Vector3 acting_newton(TimePoint at) const noexcept {
+    return at < lease_end_ ? force_ : Vector3(Vector3::Zero());
+  }
   /// When the acting force ends by itself; TimePoint::max() while none acts.
   [[nodiscard]] TimePoint lease_end() const noexcept {
     return force_.isZero(0.0) ? TimePoint::max() : lease_end_;

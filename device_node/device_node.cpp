@@ -206,7 +206,8 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
 
   // switch: to the command, or to less
   const GuardedForce guarded =
-      record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now, next_reading);
+      record.is_answered ? guard_.answered(answer->value, now, applied_.acting_newton(now))
+                         : guard_.missed(now, next_reading);
   record.switched_at = now;
   record.force_on_hand_newton = guarded.force_on_hand_newton;
   record.guard = guarded.state;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // force_guard.h — limits a command, or its absence, to what the motors may do. It is given the
-// time, has no side effects, and only ever reduces the force.
+// time and the force that acts, has no side effects, and only ever reduces the force.
 #pragma once
 
 #include <algorithm>
@@ -58,7 +58,10 @@ class ForceGuard {
         coulomb_newton_(config.profile.coulomb_newton) {}
 
   /// The answer to this tick has arrived and is applied at `now`.
-  [[nodiscard]] GuardedForce answered(const ForceCommand& command, TimePoint now) noexcept {
+  /// @param acting_newton  acts on the hand until then, D
+  [[nodiscard]] GuardedForce answered(const ForceCommand& command, TimePoint now,
+                                      Vector3 acting_newton) noexcept {
+    if (!has_answer_) acting_newton.setZero();  // the push of a check is no beginning
     GuardedForce out{.lease = std::clamp(command.valid_for, Duration::zero(), longest_lease_),
                      .state = GuardState::kAnswered};
     Vector3 force = command.force_on_hand_newton;
@@ -78,12 +81,12 @@ class ForceGuard {
     }
     if (now - ramp_from_ < ramp_) {
       const double share = to_seconds(now - ramp_from_) / to_seconds(ramp_);
-      const double acting_newton = now < acting_until_ ? acting_newton_.norm() : 0.0;
-      force = limited_to_norm(force, std::max(acting_newton, share * force.norm()));
+      force = limited_to_norm(force, std::max(acting_newton.norm(), share * force.norm()));
     }
 
     // device limits
-    const double limit_newton = std::min(peak_newton_, slew_limit_newton(force, now));
+    const double limit_newton =
+        std::min(peak_newton_, slew_limit_newton(force, now, acting_newton));
     out.is_limited = force.norm() > limit_newton;
     out.force_on_hand_newton = limited_to_norm(force, limit_newton);
 
@@ -91,7 +94,6 @@ class ForceGuard {
     answered_at_ = now;
     answer_newton_ = out.force_on_hand_newton;
     answer_lease_end_ = now + out.lease;
-    acts_from(now, out);
     return out;
   }
 
@@ -116,47 +118,35 @@ class ForceGuard {
         out.force_on_hand_newton *= 1.0 - to_seconds(silence - limp_after_) / to_seconds(fade_);
       }
     }
-    acts_from(now, out);
     return out;
   }
 
   /// The monitor reduced the force or the lease just given, at the same instant.
   void reduced(const GuardedForce& less) noexcept {
-    if (less.state == GuardState::kAnswered) {
-      answer_newton_ = less.force_on_hand_newton;
-      answer_lease_end_ = acting_from_ + less.lease;
-    }
-    acts_from(acting_from_, less);
+    if (less.state != GuardState::kAnswered) return;
+    answer_newton_ = less.force_on_hand_newton;
+    answer_lease_end_ = answered_at_ + less.lease;
   }
 
   /// The answer just given began to act too late and the motors were released: nothing acts until
   /// the next answer. No limp start, since answers keep coming. Lemma: late_switch.
   void withdraw_answer() noexcept {
     answer_newton_.setZero();
-    acting_newton_.setZero();
     answer_lease_end_ = answered_at_;
   }
 
   /// Motors were released: nothing acts until the next answer, which makes a limp start.
-  void reset() noexcept {
-    has_answer_ = false;
-    acting_newton_.setZero();
-  }
+  void reset() noexcept { has_answer_ = false; }
 
   [[nodiscard]] std::uint64_t non_finite_commands() const noexcept { return non_finite_commands_; }
 
  private:
-  void acts_from(TimePoint now, const GuardedForce& force) noexcept {
-    acting_newton_ = force.force_on_hand_newton;
-    acting_from_ = now;
-    acting_until_ = now + force.lease;
-  }
-
   /// Lemma: slew.
-  [[nodiscard]] double slew_limit_newton(const Vector3& force, TimePoint now) const noexcept {
+  [[nodiscard]] double slew_limit_newton(const Vector3& force, TimePoint now,
+                                         const Vector3& acting_newton) const noexcept {
     const double norm = force.norm();
     if (slew_newton_per_s_ <= 0.0 || norm == 0.0) return peak_newton_;
-    const double along_newton = now < acting_until_ ? acting_newton_.dot(force) / norm : 0.0;
+    const double along_newton = acting_newton.dot(force) / norm;
     const double growth_s = to_seconds(std::min(now - answered_at_, period_));
     return std::max(0.0, along_newton) + slew_newton_per_s_ * growth_s;
   }
@@ -177,9 +167,6 @@ class ForceGuard {
   TimePoint ramp_from_{};
   Duration ramp_{};
   Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, after the limits
-  Vector3 acting_newton_ = Vector3::Zero();  ///< in [acting_from_, acting_until_)
-  TimePoint acting_from_{};
-  TimePoint acting_until_{};
   std::uint64_t non_finite_commands_ = 0;
 };
 

@@ -11,6 +11,7 @@
 #include "device_node/simulation/simulated_device.h"
 #include "tests/property/seeds.h"
 #include "tests/support/device_node_bench.h"
+#include "tests/support/guarded_motors.h"
 #include "tests/support/scripted_device.h"
 
 namespace palpate::device {
@@ -45,7 +46,7 @@ TEST(ForceGuardLaws, NeverPushesHarderThanItsCommandOrItsPeakAndNeverHarderWithS
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     Random random(seed);
     const DeviceConfig config = random_config(random);
-    ForceGuard guard(config, 3.3);
+    test::GuardedMotors guard(config, 3.3);
     const double peak_newton = std::min(config.peak_force_newton, 3.3);
     TimePoint now = time_at(10.0);
     double allowed_newton = 0.0;
@@ -103,7 +104,7 @@ TEST(ForceGuardLaws, AJumpIsAtMostWhatActsAndTheSlewOfOnePeriod) {
       command.force_on_hand_newton = random.uniform(0.0, 50.0) * random.direction();
       command.valid_for = random_duration(random, 15ms);
       const bool is_answered = random.chance(0.7);
-      const GuardedForce out = is_answered ? guard.answered(command, now)
+      const GuardedForce out = is_answered ? guard.answered(command, now, acting_newton)
                                            : guard.missed(now, now + random_duration(random, 2ms));
       const double growth_newton =
           is_answered ? most_newton : std::max(most_newton, config.profile.coulomb_newton);

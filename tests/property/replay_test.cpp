@@ -88,7 +88,7 @@ struct Loop {
       ForceCommand command;
       command.force_on_hand_newton = clamped.force_on_hand_newton;
       command.valid_for = from_seconds(clamped.lease_s);
-      out = guard.answered(command, at);
+      out = guard.answered(command, at, at < acting_until ? acting_newton : Vector3(0, 0, 0));
     }
     const auto covered = monitor.cover(out.force_on_hand_newton, out.lease);
     monitor.switched(at, heard.position_m, covered.force_on_hand_newton, covered.lease,

@@ -7,10 +7,13 @@
 #include <chrono>
 #include <limits>
 
+#include "tests/support/guarded_motors.h"
+
 namespace palpate::device {
 namespace {
 
 using namespace std::chrono_literals;
+using test::GuardedMotors;
 
 constexpr double kDevicePeak_newton = 3.3;
 const TimePoint kStart = time_at(100.0);
@@ -32,10 +35,10 @@ ForceCommand command(const Vector3& force_newton, Duration valid_for = 2ms) {
 }
 
 /// The next reading comes at once.
-GuardedForce missed(ForceGuard& guard, TimePoint now) { return guard.missed(now, now); }
+GuardedForce missed(GuardedMotors& guard, TimePoint now) { return guard.missed(now, now); }
 
 TEST(ForceGuard, GivesNoForceBeforeTheFirstAnswer) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
 
   const GuardedForce out = missed(guard, kStart);
 
@@ -44,7 +47,7 @@ TEST(ForceGuard, GivesNoForceBeforeTheFirstAnswer) {
 }
 
 TEST(ForceGuard, PassesAnAnswerOnWithItsLease) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
 
   const GuardedForce out = guard.answered(command(Vector3(1, -2, 0.5), 1500us), kStart);
 
@@ -58,13 +61,13 @@ TEST(ForceGuard, PassesAnAnswerOnWithItsLease) {
 TEST(ForceGuard, LimitsALeaseToTheSessionsLongest) {
   DeviceConfig c = config();
   c.longest_lease = 10ms;
-  ForceGuard guard(c, kDevicePeak_newton);
+  GuardedMotors guard(c, kDevicePeak_newton);
 
   EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0), 1h), kStart).lease, Duration(10ms));
 }
 
 TEST(ForceGuard, ACommandWithoutALeaseGivesNoForce) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
 
   const GuardedForce out = guard.answered(command(Vector3(1, 0, 0), Duration(-5)), kStart);
 
@@ -73,7 +76,7 @@ TEST(ForceGuard, ACommandWithoutALeaseGivesNoForce) {
 }
 
 TEST(ForceGuard, DoesNotWriteToTheMotorsWhileTheLeaseRuns) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
 
   const GuardedForce out = missed(guard, kStart + 2ms - 1ns);
@@ -85,7 +88,7 @@ TEST(ForceGuard, DoesNotWriteToTheMotorsWhileTheLeaseRuns) {
 
 // Lease until 2 ms: a reading at 2 ms still sees its force end, one at 2.1 ms would not.
 TEST(ForceGuard, GivesUpALeaseThatWouldEndBeforeTheNextReading) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
 
   EXPECT_EQ(guard.missed(kStart + 1500us, kStart + 2ms).state, GuardState::kLeased);
@@ -98,7 +101,7 @@ TEST(ForceGuard, GivesUpALeaseThatWouldEndBeforeTheNextReading) {
 
 // f_co = 0.1 N of the profile, along (3, 4, 0)/5.
 TEST(ForceGuard, FallsBackToCoulombFrictionInTheCommandsDirection) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1.5, 2, 0)), kStart);
 
   for (const Duration t : {Duration(2ms), Duration(3ms), Duration(20ms - 1ns)}) {
@@ -111,7 +114,7 @@ TEST(ForceGuard, FallsBackToCoulombFrictionInTheCommandsDirection) {
 }
 
 TEST(ForceGuard, AFallbackIsNeverLargerThanTheCommand) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(0.02, 0, 0)), kStart);
 
   EXPECT_EQ(missed(guard, kStart + 5ms).force_on_hand_newton, Vector3(0.02, 0, 0));
@@ -119,7 +122,7 @@ TEST(ForceGuard, AFallbackIsNeverLargerThanTheCommand) {
 
 // Silent for 20 + 30 ms of the 50 ms fade: 0.1·(1 − 3/5) = 0.04 N.
 TEST(ForceGuard, FadesToZeroAfterSilence) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
 
   EXPECT_EQ(missed(guard, kStart + 20ms).state, GuardState::kFading);
@@ -130,7 +133,7 @@ TEST(ForceGuard, FadesToZeroAfterSilence) {
 }
 
 TEST(ForceGuard, AnAnswerEndsTheFallback) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
   (void)missed(guard, kStart + 10ms);
 
@@ -140,7 +143,7 @@ TEST(ForceGuard, AnAnswerEndsTheFallback) {
 }
 
 /// 2 N along x, answered every millisecond from `at` up to `until`: the force after the limits.
-double x_answered_until(ForceGuard& guard, Duration& at, Duration until) {
+double x_answered_until(GuardedMotors& guard, Duration& at, Duration until) {
   for (; at < until; at += 1ms) (void)guard.answered(command(Vector3(2, 0, 0)), kStart + at);
   return guard.answered(command(Vector3(2, 0, 0)), kStart + until).force_on_hand_newton.x();
 }
@@ -149,7 +152,7 @@ double x_answered_until(ForceGuard& guard, Duration& at, Duration until) {
 TEST(ForceGuard, ALimpStartGrowsFromZero) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
-  ForceGuard guard(c, kDevicePeak_newton);
+  GuardedMotors guard(c, kDevicePeak_newton);
   Duration at = 0ms;
 
   EXPECT_EQ(x_answered_until(guard, at, 0ms), 0.0);
@@ -161,7 +164,7 @@ TEST(ForceGuard, ALimpStartGrowsFromZero) {
 TEST(ForceGuard, LeavingLimpAgainIsALimpStart) {
   DeviceConfig c = config();
   c.start_ramp = 10ms;
-  ForceGuard guard(c, kDevicePeak_newton);
+  GuardedMotors guard(c, kDevicePeak_newton);
   Duration at = 0ms;
   EXPECT_EQ(x_answered_until(guard, at, 10ms), 2.0);
 
@@ -176,7 +179,7 @@ TEST(ForceGuard, LeavingLimpAgainIsALimpStart) {
 TEST(ForceGuard, AfterAShortSilenceTheForceGrowsOverTheTimeForWhichItWasGone) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
-  ForceGuard guard(c, kDevicePeak_newton);
+  GuardedMotors guard(c, kDevicePeak_newton);
   Duration at = 0ms;
   EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
 
@@ -192,7 +195,7 @@ TEST(ForceGuard, AHoleUpToAPeriodLongerThanItsLeaseNeedsNoRamp) {
     DeviceConfig c = config();
     c.start_ramp = 100ms;
     c.longest_lease = 10ms;
-    ForceGuard guard(c, kDevicePeak_newton);
+    GuardedMotors guard(c, kDevicePeak_newton);
     Duration at = 0ms;
     EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
     (void)guard.answered(command(Vector3(2, 0, 0), 10ms), kStart + 120ms);
@@ -205,9 +208,9 @@ TEST(ForceGuard, AHoleUpToAPeriodLongerThanItsLeaseNeedsNoRamp) {
 TEST(ForceGuard, TheSmallerPeakHoldsAndTheDirectionIsKept) {
   DeviceConfig c = config();
   c.peak_force_newton = 5.0;
-  ForceGuard by_device(c, kDevicePeak_newton);
+  GuardedMotors by_device(c, kDevicePeak_newton);
   c.peak_force_newton = 2.0;
-  ForceGuard by_session(c, kDevicePeak_newton);
+  GuardedMotors by_session(c, kDevicePeak_newton);
 
   const GuardedForce a = by_device.answered(command(Vector3(30, 0, -40)), kStart);
   const GuardedForce b = by_session.answered(command(Vector3(30, 0, -40)), kStart);
@@ -225,7 +228,7 @@ DeviceConfig slewing() {
 }
 
 TEST(ForceGuard, GrowthIsLimitedAndDecreaseIsNot) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   const auto x_after = [&](Duration t, double newton) {
     return guard.answered(command(Vector3(newton, 0, 0)), kStart + t).force_on_hand_newton.x();
   };
@@ -238,7 +241,7 @@ TEST(ForceGuard, GrowthIsLimitedAndDecreaseIsNot) {
 
 // +1 N acting gives nothing along −x: the turned force starts from zero. Sideways likewise.
 TEST(ForceGuard, ATurnedForceGrowsFromWhatAlreadyActsAlongIt) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   for (int i = 0; i < 10; ++i) {
     (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
   }
@@ -250,7 +253,7 @@ TEST(ForceGuard, ATurnedForceGrowsFromWhatAlreadyActsAlongIt) {
 }
 
 TEST(ForceGuard, AfterItsLeaseAForceGrowsFromZero) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   for (int i = 0; i < 10; ++i) {
     (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
   }
@@ -262,7 +265,7 @@ TEST(ForceGuard, AfterItsLeaseAForceGrowsFromZero) {
 
 // The lease ends while the answer is awaited, which then comes at once: it may grow by a period.
 TEST(ForceGuard, AFallbackOnTheWayDoesNotHoldTheGrowthBack) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
   (void)guard.missed(kStart + 1ms, kStart + 2ms);
 
@@ -272,7 +275,7 @@ TEST(ForceGuard, AFallbackOnTheWayDoesNotHoldTheGrowthBack) {
 }
 
 TEST(ForceGuard, ANonFiniteCommandGivesNoForceAndIsCounted) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   const double inf = std::numeric_limits<double>::infinity();
 
   EXPECT_EQ(guard.answered(command(Vector3(0, kNaN, 0)), kStart).force_on_hand_newton.norm(), 0.0);
@@ -286,7 +289,7 @@ TEST(ForceGuard, ALimpStartBeginsExactlyWhereTheFadeEnds) {
   for (const Duration early : {Duration(0), Duration(1)}) {
     DeviceConfig c = config();
     c.start_ramp = 100ms;
-    ForceGuard guard(c, kDevicePeak_newton);
+    GuardedMotors guard(c, kDevicePeak_newton);
     Duration at = 0ms;
     EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
 
@@ -300,7 +303,7 @@ TEST(ForceGuard, ALimpStartBeginsExactlyWhereTheFadeEnds) {
 TEST(ForceGuard, AShortLeaseIsNoSilence) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
-  ForceGuard guard(c, kDevicePeak_newton);
+  GuardedMotors guard(c, kDevicePeak_newton);
   Duration at = 0ms;
   EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
   (void)guard.answered(command(Vector3(2, 0, 0), 500us), kStart + 121ms);
@@ -316,7 +319,7 @@ TEST(ForceGuard, AfterAFallbackTheForceGrowsFromTheFallback) {
   for (const int ms : {126, 127}) {
     DeviceConfig c = config();
     c.start_ramp = 100ms;
-    ForceGuard guard(c, kDevicePeak_newton);
+    GuardedMotors guard(c, kDevicePeak_newton);
     Duration at = 0ms;
     EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
     for (int late = 122; late <= 125; ++late) (void)missed(guard, kStart + late * 1ms);
@@ -332,7 +335,7 @@ TEST(ForceGuard, AfterAFallbackTheForceGrowsFromTheFallback) {
 
 // 0.1 N in a period of 1 ms; at the very end of the lease nothing acts any more.
 TEST(ForceGuard, AtTheEndOfItsLeaseAForceGrowsFromZero) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart + 1ms);
 
@@ -343,7 +346,7 @@ TEST(ForceGuard, AtTheEndOfItsLeaseAForceGrowsFromZero) {
 TEST(ForceGuard, ASlewLimitBelowOneNewtonPerSecondHoldsToo) {
   DeviceConfig c = slewing();
   c.slew_newton_per_s = 0.5;
-  ForceGuard guard(c, kDevicePeak_newton);
+  GuardedMotors guard(c, kDevicePeak_newton);
   (void)guard.answered(command(Vector3::Zero()), kStart);
 
   const GuardedForce out = guard.answered(command(Vector3(1, 0, 0)), kStart + 1ms);
@@ -352,20 +355,20 @@ TEST(ForceGuard, ASlewLimitBelowOneNewtonPerSecondHoldsToo) {
 }
 
 TEST(ForceGuard, AForceOfExactlyThePeakIsNotLimited) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   EXPECT_FALSE(guard.answered(command(Vector3(0, kDevicePeak_newton, 0)), kStart).is_limited);
   EXPECT_TRUE(guard.answered(command(Vector3(0, 3.4, 0)), kStart).is_limited);
   EXPECT_FALSE(missed(guard, kStart + 1s).is_limited);
 }
 
 TEST(ForceGuard, ACommandWithoutALeaseIsNotCountedAsNotFinite) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0), Duration(0)), kStart);
   EXPECT_EQ(guard.non_finite_commands(), 0u);
 }
 
 TEST(ForceGuard, AfterAResetTheLeaseOfTheLastAnswerIsOver) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
   guard.reset();
 
@@ -378,7 +381,7 @@ TEST(ForceGuard, AfterAResetTheLeaseOfTheLastAnswerIsOver) {
 // that was withdrawn would still run.
 TEST(ForceGuard, AWithdrawnAnswerDoesNotAct) {
   for (const bool is_missed : {false, true}) {
-    ForceGuard guard(slewing(), kDevicePeak_newton);
+    GuardedMotors guard(slewing(), kDevicePeak_newton);
     for (int i = 0; i < 10; ++i) {
       (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
     }
@@ -395,23 +398,39 @@ TEST(ForceGuard, AWithdrawnAnswerDoesNotAct) {
 }
 
 TEST(ForceGuard, BeforeTheFirstAnswerItIsLimpHoweverYoungTheClock) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  GuardedMotors guard(config(), kDevicePeak_newton);
   EXPECT_EQ(missed(guard, time_at(0.005)).state, GuardState::kLimp);
 }
 
 // 0.1 N a millisecond towards 20 N: 0.1 k N after k answers, 3.3 N from the 33rd on.
 TEST(ForceGuard, AGrowingForceEndsAtThePeak) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   for (int k = 1; k <= 40; ++k) {
     const GuardedForce out = guard.answered(command(Vector3(0, 0, 20)), kStart + k * 1ms);
     EXPECT_NEAR(out.force_on_hand_newton.z(), std::min(0.1 * k, kDevicePeak_newton), 1e-12);
   }
 }
 
+// The push of the check of the motors is no force to grow from: the first answer makes a limp
+// start.
+TEST(ForceGuard, WhatActsBeforeTheFirstAnswerIsNoBeginning) {
+  DeviceConfig c = config();
+  c.start_ramp = 100ms;
+  c.slew_newton_per_s = 100.0;
+  ForceGuard guard(c, kDevicePeak_newton);
+  const Vector3 push(0.4, 0, 0);
+  EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0)), kStart, push).force_on_hand_newton.norm(),
+            0.0);
+  EXPECT_NEAR(
+      guard.answered(command(Vector3(1, 0, 0)), kStart + 10ms, push).force_on_hand_newton.x(), 0.4,
+      1e-12)
+      << "from then on it is";
+}
+
 // 1 N for 2 ms, reduced to 0.4 N for 1 ms: that acts, to the end of its own lease, and the growth
 // of 0.1 N in the next millisecond begins there.
 TEST(ForceGuard, WhatAnAnswerWasReducedToActsForTheReducedLease) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   for (int i = 0; i < 10; ++i) {
     (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
   }
@@ -422,7 +441,7 @@ TEST(ForceGuard, WhatAnAnswerWasReducedToActsForTheReducedLease) {
   const GuardedForce leased = missed(guard, now + 1ms - 1ns);
   EXPECT_EQ(leased.state, GuardState::kLeased);
   EXPECT_EQ(leased.force_on_hand_newton, Vector3(0.4, 0, 0));
-  ForceGuard later = guard;
+  GuardedMotors later = guard;
   EXPECT_NEAR(guard.answered(command(Vector3(1, 0, 0)), now + 1ms - 1ns).force_on_hand_newton.x(),
               0.5, 1e-6);
   EXPECT_EQ(missed(later, now + 1ms).state, GuardState::kFallback);
@@ -431,7 +450,7 @@ TEST(ForceGuard, WhatAnAnswerWasReducedToActsForTheReducedLease) {
 // A fallback of 0.1 N, reduced to 0.05 N, after an answer of 1 N: the next fallback is that of the
 // answer again, and the answer after the reduced one grows from 0.05 N.
 TEST(ForceGuard, AReducedFallbackLeavesTheLastAnswerAsItWas) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
+  GuardedMotors guard(slewing(), kDevicePeak_newton);
   for (int i = 0; i < 10; ++i) {
     (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
   }
@@ -440,7 +459,7 @@ TEST(ForceGuard, AReducedFallbackLeavesTheLastAnswerAsItWas) {
   fallback.force_on_hand_newton *= 0.5;
   guard.reduced(fallback);
 
-  ForceGuard answered = guard;
+  GuardedMotors answered = guard;
   EXPECT_NEAR(missed(guard, kStart + 13ms).force_on_hand_newton.x(), 0.1, 1e-12);
   EXPECT_NEAR(answered.answered(command(Vector3(1, 0, 0)), kStart + 13ms).force_on_hand_newton.x(),
               0.15, 1e-12);
