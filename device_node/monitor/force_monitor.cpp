@@ -207,7 +207,7 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
     }
   }
   if (!is_idle) acted_until_ = at;
-  // a position that may be older than the end of the last force is no beginning
+  // a position that may be older than the end of the last force is no beginning. Lemma: begin_anew.
   const bool is_quiet = is_idle && to_seconds(at - acted_until_) >= worst_skew_s;
   if (is_quiet && recent_.has_worked() && recent_.joule() < joule()) {
     recent_.restart(position_m, joule());
