@@ -115,6 +115,16 @@ void DeviceNode::acknowledge() noexcept {
   is_acknowledged_ = device_.phase() == DevicePhase::kCalibrated;
 }
 
+void DeviceNode::acknowledge(const SeenDevice& seen) noexcept {
+  if (!waits_for_acknowledgement(seen.phase) || seen.phase != phase() ||
+      seen.device_faults != counters_.device_faults) {
+    ++counters_.page_acknowledgements_refused;
+    return;
+  }
+  ++counters_.page_acknowledgements;
+  acknowledge();
+}
+
 bool DeviceNode::clear_fault() noexcept {
   if (!release_once()) return false;
   fault_ = FaultReason::kNone;

@@ -100,6 +100,9 @@ class DeviceNode {
   /// device calibrated, and where it is simulated, the same call enables it. A real device whose
   /// force may exceed f_co has its motors checked first, in the following ticks: kChecking.
   void acknowledge() noexcept;
+  /// The same, by a person who saw the device at a distance: only while it is still as seen. Else,
+  /// and where it waits for nothing, the acknowledgement is refused and counted.
+  void acknowledge(const SeenDevice& seen) noexcept;
 
   /// The machine slept for so long, which the clock did not count: a fault of the next step().
   void suspended(Duration slept) noexcept { slept_ += slept; }

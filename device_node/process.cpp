@@ -6,6 +6,7 @@
 
 #include "common/core/check.h"
 #include "common/core/inbox.h"
+#include "common/core/spsc_ring.h"
 #include "common/link/exchange_client.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
@@ -27,7 +28,8 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::size_t kHandGoals = 64;  // far more than arrive in one turn of the tick
+constexpr std::size_t kHandGoals = 64;             // far more than arrive in one turn of the tick
+constexpr std::size_t kPageAcknowledgements = 16;  // likewise
 
 /// Hop 6: the targets of a pointer, on the telemetry thread; the tick receives only goals.
 class PointerInput {
@@ -62,6 +64,35 @@ class PointerInput {
   PointerHold hold_;
   HandGoals& goals_;
   bool was_held_ = false;
+};
+
+/// Hop 9: acknowledgements of pages, on the telemetry thread; the tick decides on them.
+class PageInput {
+ public:
+  PageInput(const Session& session, ZmqContext& side, NodeContext& context)
+      : session_id_(context.session_id),
+        source_(side, context.clock,
+                bind_to(session.side().links.acknowledgement, "viewer.control")),
+        refused_(context.log, "acknowledgement", source_.rejections()) {}
+
+  void pump(TimePoint now) {
+    Acknowledgement message;
+    TimePoint received_at;
+    while (source_.receive(message, received_at)) {
+      // one that names another process start is of a device as it no longer is
+      if (message.device_session_id != session_id_) message.seen = {};
+      seen_.push(message.seen);
+    }
+    refused_.note(now);
+  }
+  /// Of the tick. No allocation, no lock.
+  bool next(SeenDevice& seen) noexcept { return seen_.pop(seen); }
+
+ private:
+  std::uint64_t session_id_;
+  ZmqSource<Acknowledgement> source_;
+  RejectionLog refused_;
+  SpscRing<SeenDevice> seen_{kPageAcknowledgements};
 };
 
 /// Prompts of a driver go through the log.
@@ -157,10 +188,6 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
       drivers.at(driver_name(session.side().driver)).open(context.clock, start_up_of(context));
   refuse_unmonitored(session.side().device, device->specification(), context.is_unsafe);
   refuse_missing_button(session.side().device, device->specification());
-  if (session.viewer.has_control && !device->specification().is_simulated) {
-    throw SetupError(session.file +
-                     ": viewer.control: only with the simulated device; leave it out");
-  }
   double friction_ratio = 0.0;
   const DeviceConfig config = checked_config(session, context, *device, friction_ratio);
   if (!config.monitor.is_on) {
@@ -193,6 +220,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   if (session.side().hand.pointer && device->specification().is_simulated) {
     pointer.emplace(session, side, context, goals);
   }
+  std::optional<PageInput> page;
+  if (session.viewer.has_control) page.emplace(session, side, context);
   RefusedPeersLog refused_peers(context.log, side.refused());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log, session.side().name);
@@ -224,6 +253,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     refused_peers.note(now);
     refused.note(now);
     if (pointer) pointer->pump(now);
+    if (page) page->pump(now);
   };
   publisher.start();
 
@@ -243,6 +273,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     const std::uint32_t resets_asked = context.requests.fault_resets;
     if (resets_asked != resets) node.acknowledge();
     resets = resets_asked;
+    for (SeenDevice seen; page && page->next(seen);) node.acknowledge(seen);
     node.suspended(suspend.slept());
     node.step(tick);
     if (exchange.after_switch) exchange.after_switch();

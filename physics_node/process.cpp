@@ -120,7 +120,7 @@ void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
                              }};
   program.role = role;
   std::optional<Control> control;
-  if (session.viewer.has_control) {
+  if (may_change_tissue(session)) {
     control.emplace(session, context, links.side);
     program.on_pump = [&](TimePoint now) { control->pump(*display, now); };
     program.before_step = [&] { control->apply(*scene, engines); };

@@ -20,7 +20,7 @@ from google.protobuf.message import Message
 PROTO = Path(__file__).resolve().parent
 PAGE = PROTO.parent / "docs/wire.md"
 FILES = ("common", "exchange", "tool_motion", "interaction", "telemetry", "scene", "hand_target", "run",
-         "tissue_change")
+         "tissue_change", "acknowledgement")
 KINDS = {"ToolMotion": 3, "Interaction": 4}
 F = descriptor_pb2.FieldDescriptorProto
 

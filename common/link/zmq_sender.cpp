@@ -65,5 +65,6 @@ template class ZmqSender<HandTarget>;
 template class ZmqSender<RunState>;
 template class ZmqSender<RunRequest>;
 template class ZmqSender<TissueChange>;
+template class ZmqSender<Acknowledgement>;
 
 }  // namespace palpate

@@ -48,5 +48,6 @@ template class ZmqSource<Interaction>;
 template class ZmqSource<HandTarget>;
 template class ZmqSource<RunRequest>;
 template class ZmqSource<TissueChange>;
+template class ZmqSource<Acknowledgement>;
 
 }  // namespace palpate

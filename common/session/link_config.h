@@ -12,12 +12,14 @@ namespace palpate {
 
 /// ZeroMQ endpoints of one side: ipc://, tcp:// or inproc://.
 struct LinksConfig {
-  std::string exchange;               ///< mofc ← device, hops 1 and 4
-  std::string tool_motion;            ///< physics ← mofc, hop 2
-  std::string interaction;            ///< physics → mofc, hop 3
-  std::string device_telemetry;       ///< device → viewers, hop 5
-  std::string mofc_telemetry;         ///< mofc → viewers, hop 5
-  std::string hand_target;            ///< device ← viewers, hop 6
+  std::string exchange;          ///< mofc ← device, hops 1 and 4
+  std::string tool_motion;       ///< physics ← mofc, hop 2
+  std::string interaction;       ///< physics → mofc, hop 3
+  std::string device_telemetry;  ///< device → viewers, hop 5
+  std::string mofc_telemetry;    ///< mofc → viewers, hop 5
+  std::string hand_target;       ///< device ← viewers, hop 6
+  /// device ← viewers, hop 9; always an ipc file, used only with viewer.has_control
+  std::string acknowledgement{};
   std::string standby_tool_motion{};  ///< of physics.standby, hop 2; empty without
   std::string standby_interaction{};  ///< of physics.standby, hop 3; empty without
 };

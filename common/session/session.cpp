@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/session/session.h"
 
+#include <algorithm>
+
 #include "common/core/check.h"
 #include "common/core/random.h"
 #include "common/session/clamped_device.h"
@@ -19,6 +21,12 @@ std::uint64_t stream_seed(const Session& session, const Side& side, const char* 
   const std::uint64_t seed =
       side.name.empty() ? session.seed : stream_seed(session.seed, side.name.c_str());
   return stream_seed(seed, stream);
+}
+
+bool may_change_tissue(const Session& session) {
+  return session.viewer.has_control &&
+         std::none_of(session.sides.begin(), session.sides.end(),
+                      [](const Side& side) { return is_real(side.driver); });
 }
 
 Session with_only_side(Session session, const std::string& name) {

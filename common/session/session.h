@@ -60,6 +60,10 @@ struct Session {
   [[nodiscard]] Side& side() { return sides.front(); }
 };
 
+/// Whether a page may change the stiffness and damping of tissues: with viewer.control, and if no
+/// device is a real one.
+[[nodiscard]] bool may_change_tissue(const Session& session);
+
 /// The session reduced to the side of that name; "" for a session with one device. Throws
 /// SetupError, which lists the names, if there is no such side.
 [[nodiscard]] Session with_only_side(Session session, const std::string& name);

@@ -17,7 +17,8 @@ struct WebConfig {
 struct ViewerConfig {
   Duration status_interval = std::chrono::milliseconds(500);
   WebConfig web;
-  bool has_control = false;  ///< a page may change stiffness and damping of tissues
+  /// A page may acknowledge a device that waits for it, and change tissues: may_change_tissue().
+  bool has_control = false;
 };
 
 }  // namespace palpate

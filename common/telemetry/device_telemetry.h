@@ -37,6 +37,11 @@ enum class DevicePhase : std::uint8_t {
   kChecking = 6,    ///< acknowledged: the motors push a little, to see whether they do it right
 };
 [[nodiscard]] const char* name(DevicePhase phase);
+/// Whether an acknowledgement by a person would change it, of a real device.
+[[nodiscard]] constexpr bool waits_for_acknowledgement(DevicePhase phase) {
+  return phase == DevicePhase::kConnected || phase == DevicePhase::kCalibrated ||
+         phase == DevicePhase::kFaulted;
+}
 
 /// Why device_node latched a fault.
 enum class FaultReason : std::uint8_t {
@@ -143,11 +148,26 @@ struct DeviceCounters {
   /// Without force because the readings stood still although it pushed.
   std::uint64_t frozen_ticks = 0;
   DevicePhase phase = DevicePhase::kUnknown;
+  std::uint64_t page_acknowledgements = 0;          ///< by a person at a page
+  std::uint64_t page_acknowledgements_refused = 0;  ///< the device was not as the page had shown
   /// The device has not confirmed the last release: its motors may still push.
   bool is_release_unconfirmed = false;
   double max_force_newton = 0.0;
   double largest_jump_newton = 0.0;  ///< change of the force from one tick to the next, its norm
   double minimum_true_energy_joule = kNaN;
+};
+
+/// What a person at a page saw of a device that waits for an acknowledgement.
+struct SeenDevice {
+  DevicePhase phase = DevicePhase::kUnknown;
+  std::uint64_t device_faults = 0;  ///< DeviceCounters::device_faults
+};
+
+/// Hop 9: that person acknowledges it.
+struct Acknowledgement {
+  Header header;                        ///< viewer_node's
+  std::uint64_t device_session_id = 0;  ///< of the device_node that was seen; not 0
+  SeenDevice seen;
 };
 
 }  // namespace palpate

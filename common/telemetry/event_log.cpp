@@ -57,6 +57,8 @@ EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
       too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
       coarse_readings_(log, spdlog::level::warn, "encoder_coarser_than_profile"),
       frozen_(log, spdlog::level::warn, "position_stands_still"),
+      acknowledged_(log, spdlog::level::info, "acknowledged_by_page"),
+      not_acknowledged_(log, spdlog::level::warn, "page_acknowledgement_refused"),
       overruns_(log, spdlog::level::warn, "ticks_skipped"),
       fallback_(log, "fallback") {}
 
@@ -81,6 +83,8 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
     log_.info("event=device_fault_reset");
     fault_resets_ = counters.fault_resets;
   }
+  acknowledged_.note(counters.page_acknowledgements, now);
+  not_acknowledged_.note(counters.page_acknowledgements_refused, now);
   if (counters.phase != phase_) note_phase(counters.phase);
   non_finite_commands_.note(counters.non_finite_commands, now);
   late_switches_.note(counters.late_switches, now);

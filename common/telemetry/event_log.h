@@ -81,6 +81,8 @@ class EventLog<DeviceCounters> {
   GrowthEvent too_fast_;
   GrowthEvent coarse_readings_;
   GrowthEvent frozen_;
+  GrowthEvent acknowledged_;
+  GrowthEvent not_acknowledged_;
   double motor_gain_ = 0.0;
   GrowthEvent overruns_;
   EpisodeEvent fallback_;

@@ -75,7 +75,7 @@ ElasticTissue* SceneDisplay::elastic(std::size_t tissue) const {
 void SceneDisplay::build() {
   if (scene_.revision > 0) return;
   scene_.revision = 1;
-  scene_.accepts_changes = session_.viewer.has_control;
+  scene_.accepts_changes = may_change_tissue(session_);
   const DisplayArea area = area_of(session_);
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const TissueConfig& tissue = session_.scene.tissues[i];

@@ -50,5 +50,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   decode<palpate::RunState>(frame);
   decode<palpate::RunRequest>(frame);
   decode<palpate::TissueChange>(frame);
+  decode<palpate::Acknowledgement>(frame);
   return 0;
 }

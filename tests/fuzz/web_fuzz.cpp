@@ -63,7 +63,8 @@ void messages(std::string_view text) {
                                             .session_name = "fuzz",
                                             .accepts_hand_targets = true,
                                             .accepts_requests = true,
-                                            .accepts_changes = true};
+                                            .accepts_changes = true,
+                                            .accepts_acknowledgements = true};
   for (const char* topic : {"/a", "/b", "/c"}) server.channels.push_back({topic, "p.A", ""});
   FoxgloveClient client(server, 1);
   std::set<std::size_t> subscribed;

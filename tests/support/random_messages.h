@@ -284,6 +284,8 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.frozen_ticks = random.below(1000);
   c.dead_man_ticks = random.bits();
   c.phase = static_cast<DevicePhase>(random.below(7));
+  c.page_acknowledgements = random.bits();
+  c.page_acknowledgements_refused = random.bits();
   c.is_release_unconfirmed = random.chance(0.5);
   c.max_force_newton = random.uniform(0.0, 10.0);
   c.largest_jump_newton = random.uniform(0.0, 10.0);
@@ -466,6 +468,14 @@ inline void randomise(TissueChange& m, Random& random) {
   m.tissue = static_cast<std::uint32_t>(random.bits());
   m.stiffness_newton_per_m = random.uniform(1.0, 1e6);
   m.damping_newton_s_per_m = random.uniform(0.0, 1e4);
+}
+
+inline void randomise(Acknowledgement& m, Random& random) {
+  constexpr std::array kPhases = {DevicePhase::kConnected, DevicePhase::kCalibrated,
+                                  DevicePhase::kFaulted};
+  m.header = random_header(random);
+  m.device_session_id = random.bits() | 1;
+  m.seen = {.phase = kPhases[random.below(kPhases.size())], .device_faults = random.bits()};
 }
 
 template <class T>
@@ -733,6 +743,8 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.accepts_no_motor_watchdog == b.accepts_no_motor_watchdog &&
          a.checked_motor_gain == b.checked_motor_gain && a.frozen_ticks == b.frozen_ticks &&
          a.dead_man_ticks == b.dead_man_ticks && a.phase == b.phase &&
+         a.page_acknowledgements == b.page_acknowledgements &&
+         a.page_acknowledgements_refused == b.page_acknowledgements_refused &&
          a.is_release_unconfirmed == b.is_release_unconfirmed &&
          same(a.max_force_newton, b.max_force_newton) &&
          same(a.largest_jump_newton, b.largest_jump_newton) &&
@@ -827,6 +839,10 @@ inline bool same(const TissueChange& a, const TissueChange& b) {
   return same(a.header, b.header) && a.tissue == b.tissue &&
          same(a.stiffness_newton_per_m, b.stiffness_newton_per_m) &&
          same(a.damping_newton_s_per_m, b.damping_newton_s_per_m);
+}
+inline bool same(const Acknowledgement& a, const Acknowledgement& b) {
+  return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
+         a.seen.phase == b.seen.phase && a.seen.device_faults == b.seen.device_faults;
 }
 template <class Record, class Counters>
 bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {

@@ -462,6 +462,35 @@ page_test("a tissue’s stiffness and damping are changed live, and the scene sh
   await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m === 250, "the session’s stiffness");
 });
 
+page_test("a device that waits for a person is acknowledged as it is shown, and only while it waits", { world: { has_control: true } }, async (page) => {
+  const button = page.getByRole("button", { name: "Acknowledge" });
+  assert.equal(await button.count(), 0, "a device that is enabled waits for nothing");
+
+  server.world.device = { phase: 3, deviceFaults: 0n, lastFault: 0 };
+  await until_shown(page, "#acknowledge", /handle is free/);
+  await button.click();
+  await until(page, () => server.world.acknowledgements.length === 1, "the acknowledgement");
+  server.world.device = { phase: 6, deviceFaults: 0n, lastFault: 0 };
+  await button.waitFor({ state: "detached" });
+
+  server.world.device = { phase: 5, deviceFaults: 2n, lastFault: 10 };
+  await until_shown(page, "#acknowledge", /readings stood still/);
+  await button.click();
+  await until(page, () => server.world.acknowledgements.length === 2, "the acknowledgement of the fault");
+  assert.deepEqual(server.world.acknowledgements, [
+    { is_of_device: true, phase: 3, deviceFaults: 0n },
+    { is_of_device: true, phase: 5, deviceFaults: 2n },
+  ]);
+
+  server.world.replay = { ...kReplay }; // of a recording
+  await button.waitFor({ state: "detached" });
+  server.world.replay = undefined;
+  await button.waitFor();
+  server.world.alive.device = false; // what it waits for now is not known
+  await button.waitFor({ state: "detached" });
+  server.world.alive.device = true;
+});
+
 page_test("a slider held down sends a few changes a second, and silence is no refusal", { world: { has_control: true } }, async (page) => {
   const slider = page.getByRole("slider", { name: "Stiffness of block" });
   await slider.focus();
@@ -552,8 +581,11 @@ page_test("card and legend show the same force, and withdraw it when its node di
   });
 });
 
-page_test("without viewer.control no tissue can be changed; markers and recordings are asked for", {}, async (page) => {
+page_test("without viewer.control no tissue can be changed and no device acknowledged; markers and recordings are asked for", {}, async (page) => {
   await page.locator("#control").waitFor({ state: "hidden" });
+  server.world.device = { phase: 5, deviceFaults: 1n, lastFault: 3 };
+  await until(page, (t) => t.device_phase === 5, "a device that waits");
+  assert.equal(await page.getByRole("button", { name: "Acknowledge" }).count(), 0);
   await page.getByRole("button", { name: "Marker" }).click();
   await until(page, (t) => t.events.some(({ text }) => text === "marker 1"), "the marker");
   await page.keyboard.press("m");

@@ -182,6 +182,10 @@ void add_device(Page& page, const DeviceCounters& c) {
   page.gauge("device_release_unconfirmed",
              "1: the device has not confirmed its last release, and may still push.", "",
              c.is_release_unconfirmed ? 1.0 : 0.0);
+  page.counter("device_page_acknowledgements",
+               "By a person at a page; refused: the device was not as the page had shown it.",
+               {{label("result", "taken"), c.page_acknowledgements},
+                {label("result", "refused"), c.page_acknowledgements_refused}});
   page.counter("device_dead_man_ticks", "Ticks in which the dead-man button was not held.",
                {{"", c.dead_man_ticks}});
   page.gauge("device_max_force_newtons", "Largest force since the start.", "", c.max_force_newton);

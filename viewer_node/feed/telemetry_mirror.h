@@ -99,6 +99,8 @@ class TelemetryMirror {
   [[nodiscard]] const NodeLink& device_link() const { return device_.link; }
   [[nodiscard]] const NodeLink& mofc_link() const { return mofc_.link; }
   [[nodiscard]] const NodeLink& physics_link() const { return physics_.link; }
+  /// Of the device_node heard last; 0: none yet.
+  [[nodiscard]] std::uint64_t device_session_id() const { return device_.session_id; }
   /// Of the newest batch.
   [[nodiscard]] const DeviceCounters& device_counters() const { return device_counters_; }
   [[nodiscard]] const MofcCounters& mofc_counters() const { return mofc_counters_; }

@@ -19,7 +19,8 @@ ServerDescription description_of(const NodeContext& context, const ProcessLinks&
           .channels = web_channels(context.session, is_audience),
           .accepts_hand_targets = !is_audience && may_lead_hand(context.session, links),
           .accepts_requests = !is_audience,
-          .accepts_changes = !is_audience && context.session.viewer.has_control};
+          .accepts_changes = !is_audience && may_change_tissue(context.session),
+          .accepts_acknowledgements = !is_audience && context.session.viewer.has_control};
 }
 
 /// The log's lines for the tissues whose constants differ; empty if the scenes differ otherwise.
@@ -57,7 +58,7 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
       log_(context.session, server_),
       scene_(subscriber, server_, options.audience_interval()),
       hand_(context, links, server_),
-      tissue_(context, links, server_),
+      control_(context, links, mirrors, server_),
       run_(context, links, subscriber, page_record_folder(options), scene_.mirror(), server_, log_),
       health_(context.session, mirrors, subscriber, server_, log_),
       foxglove_(context.session, mirrors, scene_, server_, options.audience_interval()) {
@@ -139,7 +140,10 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       run_.request(event.client, event.payload, now);
       return;
     case WebServer::Event::Kind::kTissueChange:
-      tissue_.take(event.client, event.payload, now);
+      control_.change(event.client, event.payload, now);
+      return;
+    case WebServer::Event::Kind::kAcknowledgement:
+      control_.acknowledge(event.client, event.payload, now);
       return;
     case WebServer::Event::Kind::kLeft:
       hand_.client_left(event.client, now);

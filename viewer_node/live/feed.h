@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // web_feed.h — serves a running session to web clients, and passes on what they may send: hand
-// targets, changes of tissues, and requests to the run.
+// targets, changes of tissues, acknowledgements of devices, and requests to the run.
 //
 //   in   hop 5  telemetry of all nodes, SceneState, MeshFrame, RunState
 //   out  hop 6  HandTarget  see web_hand.h
 //        hop 7  RunRequest  see web_run.h
-//        hop 8  TissueChange  see web_tissue.h
+//        hop 8  TissueChange, hop 9  Acknowledgement  see control.h
 //
 // Thread: the viewer's; the server has its own.
 #pragma once
@@ -22,6 +22,7 @@
 #include "viewer_node/feed/side_index.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/live/channels.h"
+#include "viewer_node/live/control.h"
 #include "viewer_node/live/foxglove.h"
 #include "viewer_node/live/hand.h"
 #include "viewer_node/live/health.h"
@@ -29,7 +30,6 @@
 #include "viewer_node/live/options.h"
 #include "viewer_node/live/run.h"
 #include "viewer_node/live/scene.h"
-#include "viewer_node/live/tissue.h"
 #include "viewer_node/server/web_server.h"
 
 namespace palpate::viewer {
@@ -59,7 +59,7 @@ class WebFeed {
   WebLog log_;
   WebScene scene_;
   WebHand hand_;
-  WebTissue tissue_;
+  WebControl control_;
   WebRun run_;
   WebHealth health_;
   WebFoxglove foxglove_;

@@ -8,7 +8,8 @@ namespace palpate::viewer {
 void ClientEvents::add(ClientEvent event) {
   using Kind = ClientEvent::Kind;
   const std::lock_guard lock(mutex_);
-  if (event.kind == Kind::kRunRequest || event.kind == Kind::kTissueChange) {
+  if (event.kind == Kind::kRunRequest || event.kind == Kind::kTissueChange ||
+      event.kind == Kind::kAcknowledgement) {
     int& waiting = requests_[{event.kind, event.client, 0}];
     if (waiting >= kMostRequests) return;
     ++waiting;

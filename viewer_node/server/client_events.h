@@ -18,13 +18,14 @@ struct ClientEvent {
     kHandTarget,
     kRunRequest,
     kTissueChange,
+    kAcknowledgement,
     kLeft,
     kFailed,  ///< of no client: the server could not do something
   };
   Kind kind = Kind::kLeft;
   std::uint64_t client = 0;
   std::size_t channel = 0;  ///< kSubscribed
-  /// kHandTarget, kRunRequest, kTissueChange: a protobuf message; kFailed: why
+  /// kHandTarget, kRunRequest, kTissueChange, kAcknowledgement: a protobuf message; kFailed: why
   std::string payload{};
 };
 

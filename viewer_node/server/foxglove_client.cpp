@@ -24,6 +24,8 @@ constexpr std::array kAcceptedTopics{
                   "palpate.v1.RunRequest"},
     AcceptedTopic{ClientTopic::kTissueChange, &ServerDescription::accepts_changes, "/tissue_change",
                   "palpate.v1.TissueChange"},
+    AcceptedTopic{ClientTopic::kAcknowledgement, &ServerDescription::accepts_acknowledgements,
+                  "/acknowledgement", "palpate.v1.Acknowledgement"},
 };
 constexpr std::size_t kMostClientChannels = 8;
 

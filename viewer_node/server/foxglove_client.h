@@ -27,7 +27,7 @@ struct Channel {
 };
 
 /// What a client may publish.
-enum class ClientTopic : std::uint8_t { kHandTarget, kRunRequest, kTissueChange };
+enum class ClientTopic : std::uint8_t { kHandTarget, kRunRequest, kTissueChange, kAcknowledgement };
 
 /// The server, as described to every client. With a topic that it accepts it has the capability
 /// clientPublish.
@@ -36,9 +36,10 @@ struct ServerDescription {
   std::string session_id;    ///< changes at each server start
   std::string session_name;  ///< of the deployment
   std::vector<Channel> channels{};
-  bool accepts_hand_targets = false;  ///< topic /hand_target
-  bool accepts_requests = false;      ///< topic /run_request
-  bool accepts_changes = false;       ///< topic /tissue_change
+  bool accepts_hand_targets = false;      ///< topic /hand_target
+  bool accepts_requests = false;          ///< topic /run_request
+  bool accepts_changes = false;           ///< topic /tissue_change
+  bool accepts_acknowledgements = false;  ///< topic /acknowledgement
 };
 
 /// All channels, with their schemas: the same text for every client.

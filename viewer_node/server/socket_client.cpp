@@ -33,9 +33,11 @@ ClientEvent::Kind event_of(ClientTopic topic) {
     case ClientTopic::kRunRequest:
       return ClientEvent::Kind::kRunRequest;
     case ClientTopic::kTissueChange:
+      return ClientEvent::Kind::kTissueChange;
+    case ClientTopic::kAcknowledgement:
       break;
   }
-  return ClientEvent::Kind::kTissueChange;
+  return ClientEvent::Kind::kAcknowledgement;
 }
 
 }  // namespace

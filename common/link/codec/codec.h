@@ -39,8 +39,9 @@ enum class MessageKind : std::uint8_t {
   kRunState = 12,
   kRunRequest = 13,
   kTissueChange = 14,
+  kAcknowledgement = 15,
 };
-inline constexpr std::size_t kMessageKinds = 15;  ///< largest value + 1
+inline constexpr std::size_t kMessageKinds = 16;  ///< largest value + 1
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
@@ -71,6 +72,8 @@ template <>
 inline constexpr MessageKind kKindOf<RunRequest> = MessageKind::kRunRequest;
 template <>
 inline constexpr MessageKind kKindOf<TissueChange> = MessageKind::kTissueChange;
+template <>
+inline constexpr MessageKind kKindOf<Acknowledgement> = MessageKind::kAcknowledgement;
 
 /// Whether T belongs to hop 5.
 template <class T>

@@ -66,6 +66,8 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_frozen_ticks(c.frozen_ticks);
   to.set_ledger_excesses(c.ledger_excesses);
   to.set_phase(static_cast<std::uint32_t>(c.phase));
+  to.set_page_acknowledgements(c.page_acknowledgements);
+  to.set_page_acknowledgements_refused(c.page_acknowledgements_refused);
   to.set_is_release_unconfirmed(c.is_release_unconfirmed);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
   to.set_non_finite_commands(c.non_finite_commands);
@@ -114,6 +116,8 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .dead_man_ticks = c.dead_man_ticks(),
           .frozen_ticks = c.frozen_ticks(),
           .phase = static_cast<DevicePhase>(c.phase()),
+          .page_acknowledgements = c.page_acknowledgements(),
+          .page_acknowledgements_refused = c.page_acknowledgements_refused(),
           .is_release_unconfirmed = c.is_release_unconfirmed(),
           .max_force_newton = c.max_force_newton(),
           .largest_jump_newton = c.largest_jump_newton(),

@@ -14,6 +14,7 @@
 #include "common/core/check.h"
 #include "common/link/codec/run_wire.h"
 #include "foxglove/foxglove_subset.pb.h"
+#include "palpate/v1/acknowledgement.pb.h"
 #include "palpate/v1/hand_target.pb.h"
 #include "palpate/v1/plot.pb.h"
 #include "palpate/v1/scene.pb.h"
@@ -342,6 +343,10 @@ std::optional<HandTarget> decode_page_target(std::string_view payload) {
 
 std::optional<TissueChange> decode_page_change(std::string_view payload) {
   return decode_of_page<TissueChange, v1::TissueChange>(payload, [](v1::TissueChange&) {});
+}
+
+std::optional<Acknowledgement> decode_page_acknowledgement(std::string_view payload) {
+  return decode_of_page<Acknowledgement, v1::Acknowledgement>(payload, [](v1::Acknowledgement&) {});
 }
 
 std::optional<RunRequest> decode_page_request(std::string_view payload) {

@@ -112,6 +112,8 @@ enum class LogLevel : std::uint8_t { kInfo = 2, kWarning = 3, kError = 4 };
 [[nodiscard]] std::optional<HandTarget> decode_page_target(std::string_view payload);
 /// The TissueChange that a page sent; empty if it is not valid.
 [[nodiscard]] std::optional<TissueChange> decode_page_change(std::string_view payload);
+/// The Acknowledgement that a page sent; empty if it is not valid.
+[[nodiscard]] std::optional<Acknowledgement> decode_page_acknowledgement(std::string_view payload);
 /// The RunRequest that a page sent; empty if it is not valid.
 [[nodiscard]] std::optional<RunRequest> decode_page_request(std::string_view payload);
 

@@ -60,16 +60,8 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
   session.physics = to_physics(fields.message("physics"));
   session.physics_command = to_physics_command(fields.message("physics"), base_dir);
   session.viewer = to_viewer(fields.message("viewer"));
-  if (session.viewer.has_control && !session.physics_command.empty()) {
-    fields.message("viewer").problem("control",
-                                     "needs physics_node; leave it out with physics.command");
-  }
   if (session.physics.standby && !session.physics_command.empty()) {
     fields.message("physics").problem("standby", "needs physics_node; leave it out with command");
-  }
-  if (session.physics.standby && session.viewer.has_control) {
-    fields.message("viewer").problem(
-        "control", "reaches one physics_node only; leave it out with physics.standby");
   }
   session.scene = to_scene(fields.message("scene"), base_dir);
   session.sides.clear();
@@ -91,7 +83,7 @@ void add_side(const SessionText& text, const std::string& name,
   side.links = link_rules.of_side(name, has_standby);
   session.physics_telemetry = link_rules.shared("physics_telemetry");
   if (has_standby) session.standby_telemetry = link_rules.shared("standby_telemetry");
-  session.tissue_change = link_rules.tissue_change();
+  session.tissue_change = link_rules.on_this_machine("tissue_change");
   side.realtime = to_realtime(fields.message("realtime"), session.sides.size());
   side.hand = to_hand(fields.message("hand"), base_dir, problems);
 
@@ -129,6 +121,17 @@ void add_side(const SessionText& text, const std::string& name,
   session.sides.push_back(std::move(side));
 }
 
+/// Changes of tissues reach one physics_node only. @param viewer  of the session
+void check_control(const Session& session, const Fields& viewer) {
+  if (!may_change_tissue(session)) return;
+  if (!session.physics_command.empty()) {
+    viewer.problem("control", "needs physics_node; leave it out with physics.command");
+  }
+  if (session.physics.standby) {
+    viewer.problem("control", "reaches one physics_node only; leave it out with physics.standby");
+  }
+}
+
 std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
   if (sides.size() == 1 || sides.size() > kMaxSides) {
     sides.back().problem("must be 2 … " + std::to_string(kMaxSides) +
@@ -153,15 +156,18 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
                    Problems& problems) {
   Session session = to_shared(text, base_dir, problems);
   Endpoints endpoints;
-  const std::vector<Fields> sides = Fields(text, problems).messages("side");
+  const Fields fields(text, problems);
+  const std::vector<Fields> sides = fields.messages("side");
   if (sides.empty()) {
     add_side(text, "", base_dir, endpoints, problems, session);
+    check_control(session, fields.message("viewer"));
     return session;
   }
   int index = 0;
   for (const std::string& name : to_side_names(sides)) {
     add_side(text.for_side(index++), name, base_dir, endpoints, problems, session);
   }
+  check_control(session, fields.message("viewer"));
   return session;
 }
 

@@ -42,8 +42,9 @@ class LinkRules {
   [[nodiscard]] LinksConfig of_side(const std::string& side, bool has_standby) const;
   /// An endpoint that all sides share: "physics_telemetry" or "standby_telemetry".
   [[nodiscard]] std::string shared(const char* name) const;
-  /// Of all sides, too; not a setting, so that it never leaves this machine.
-  [[nodiscard]] std::string tissue_change() const;
+  /// An ipc file in the run folder; of a link without a setting, so that it never leaves this
+  /// machine.
+  [[nodiscard]] std::string on_this_machine(const std::string& name) const;
 
  private:
   struct Endpoint {

@@ -116,6 +116,7 @@ LinksConfig LinkRules::of_side(const std::string& side, bool has_standby) const 
           .device_telemetry = own_endpoint("device_telemetry", side),
           .mofc_telemetry = own_endpoint("mofc_telemetry", side),
           .hand_target = own_endpoint("hand_target", side),
+          .acknowledgement = on_this_machine(with_side(side, "acknowledgement")),
           .standby_tool_motion = of_standby("standby_tool_motion"),
           .standby_interaction = of_standby("standby_interaction")};
 }
@@ -148,14 +149,14 @@ std::string LinkRules::shared(const char* name) const {
   return endpoint.text;
 }
 
-std::string LinkRules::tissue_change() const {
-  return "ipc://" + (folder_ / "tissue_change.ipc").string();
+std::string LinkRules::on_this_machine(const std::string& name) const {
+  return "ipc://" + (folder_ / (name + ".ipc")).string();
 }
 
 LinkRules::Endpoint LinkRules::read(const char* name, const std::string& default_file) const {
   std::string text = links_.text(name);
   if (!text.empty()) return {std::move(text), ""};
-  text = "ipc://" + (folder_ / (default_file + ".ipc")).string();
+  text = on_this_machine(default_file);
   return {text, one_line(text) + ": "};
 }
 

@@ -143,7 +143,8 @@ TEST_P(WiredVices, ThePushNeedsTheDeadManButtonAndBeginsAnewWithIt) {
   };
   bench.answer_with(Vector3(0, 0, 3));
   EXPECT_EQ(pushes(0, 100), 0.0);
-  bench.node.acknowledge();
+  bench.node.acknowledge({.phase = DevicePhase::kCalibrated, .device_faults = 0});  // at a page
+  EXPECT_EQ(bench.node.counters().page_acknowledgements, 1U);
   EXPECT_EQ(pushes(0, 1000), 0.0) << "acknowledged, but nobody holds the button";
   EXPECT_GT(pushes(1, 1000), 0.3);
   EXPECT_EQ(pushes(0, 1000), 0.0) << "let go: no push, from that tick on";

@@ -997,6 +997,53 @@ TEST(DeviceNode, AfterAFaultARealDeviceNeedsAnAcknowledgementAgain) {
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
 }
 
+// At a page: what is seen there is older than the device, and may be of before the last fault.
+TEST(DeviceNode, AnAcknowledgementFromADistanceCountsOnlyWhileTheDeviceIsAsItWasSeen) {
+  Bench bench(device_config(), false);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  const auto phase_after = [&](DevicePhase phase, std::uint64_t faults) {
+    bench.node.acknowledge({.phase = phase, .device_faults = faults});
+    bench.tick();
+    return bench.node.phase();
+  };
+  EXPECT_EQ(phase_after(DevicePhase::kFaulted, 0), DevicePhase::kCalibrated);
+  EXPECT_EQ(phase_after(DevicePhase::kCalibrated, 1), DevicePhase::kCalibrated);
+  EXPECT_EQ(phase_after(DevicePhase::kUnknown, 0), DevicePhase::kCalibrated);
+  EXPECT_EQ(bench.node.counters().page_acknowledgements, 0U);
+  EXPECT_EQ(phase_after(DevicePhase::kCalibrated, 0), DevicePhase::kEnabled);
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+  EXPECT_EQ(phase_after(DevicePhase::kEnabled, 0), DevicePhase::kEnabled) << "waits for nothing";
+
+  const auto fault = [&] {
+    bench.device.fails_to_read = true;
+    bench.tick();
+    bench.device.fails_to_read = false;
+    bench.tick();
+  };
+  fault();
+  EXPECT_EQ(phase_after(DevicePhase::kFaulted, 1), DevicePhase::kEnabled);
+  fault();
+  EXPECT_EQ(phase_after(DevicePhase::kFaulted, 1), DevicePhase::kFaulted) << "the fault before";
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton, Vector3(0, 0, 0));
+  EXPECT_EQ(bench.node.counters().page_acknowledgements, 2U);
+  EXPECT_EQ(bench.node.counters().page_acknowledgements_refused, 5U);
+}
+
+TEST(DeviceNode, AnAcknowledgementFromADistanceIsNoDeadManButton) {
+  DeviceConfig config = device_config();
+  config.dead_man_button = 0;
+  Bench bench(config, false);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.node.acknowledge({.phase = DevicePhase::kCalibrated, .device_faults = 0});
+  for (int i = 0; i < 100; ++i) bench.tick();
+  EXPECT_EQ(bench.node.counters().max_force_newton, 0.0);
+  bench.device.buttons = 1;
+  bench.tick();
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+}
+
 TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgement) {
   Bench bench(device_config(), false);
   bench.answer_with(Vector3(1, 0, 0));

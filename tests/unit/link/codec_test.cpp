@@ -39,7 +39,7 @@ template <class T>
 class CodecOf : public testing::Test {};
 using Messages = testing::Types<DeviceState, ForceCommand, ToolMotion, Interaction, DeviceBatch,
                                 MofcBatch, PhysicsBatch, SceneState, MeshFrame, HandTarget,
-                                RunState, RunRequest, TissueChange>;
+                                RunState, RunRequest, TissueChange, Acknowledgement>;
 TYPED_TEST_SUITE(CodecOf, Messages);
 
 TYPED_TEST(CodecOf, DecodesWhatWasEncodedBitByBit) {
@@ -323,7 +323,8 @@ TYPED_TEST(CodecOf, RefusesNaNAndInfinityExceptWhereDocumented) {
           }
         });
   }
-  EXPECT_GE(tried, 3);
+  const bool has_none = std::is_same_v<TypeParam, Acknowledgement>;  // no number with a fraction
+  EXPECT_GE(tried, has_none ? 0 : 3);
 }
 
 TYPED_TEST(CodecOf, RefusesTimesWhoseDifferenceCouldOverflow) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/link/codec/codec.h"
+#include "palpate/v1/acknowledgement.pb.h"
 #include "palpate/v1/exchange.pb.h"
 #include "palpate/v1/hand_target.pb.h"
 #include "palpate/v1/interaction.pb.h"
@@ -91,6 +92,10 @@ struct Wire<HandTarget> {
 template <>
 struct Wire<TissueChange> {
   using Message = v1::TissueChange;
+};
+template <>
+struct Wire<Acknowledgement> {
+  using Message = v1::Acknowledgement;
 };
 
 /// The protobuf message of a frame, to be altered.
@@ -197,6 +202,11 @@ template <>
 inline TissueChange full_message() {
   Random random(7);
   return random_message<TissueChange>(random);
+}
+template <>
+inline Acknowledgement full_message() {
+  Random random(7);
+  return random_message<Acknowledgement>(random);
 }
 
 /// Expects that the frame is refused with `error` and leaves the message unchanged.

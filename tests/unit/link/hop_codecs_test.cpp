@@ -439,6 +439,16 @@ TEST(HandTargetCodec, RefusesATargetWithoutHolderOrTooFar) {
   expect_range<HandTarget>([](auto& t) { t.mutable_hand_position_m()->set_x(1001.0); }, false);
 }
 
+TEST(AcknowledgementCodec, RefusesOneOfNoDeviceOrOfADeviceThatWaitsForNone) {
+  expect_range<Acknowledgement>([](auto& a) { a.set_device_session_id(0); }, false);
+  for (const std::uint32_t phase : {2U, 3U, 5U}) {
+    expect_range<Acknowledgement>([&](auto& a) { a.set_phase(phase); }, true);
+  }
+  for (const std::uint32_t phase : {0U, 1U, 4U, 6U, 7U, 258U, 0xFFFFFFFFU}) {
+    expect_range<Acknowledgement>([&](auto& a) { a.set_phase(phase); }, false);
+  }
+}
+
 TEST(TissueChangeCodec, RefusesConstantsThatNoTissueHas) {
   const auto change = [](double k, double b, bool is_accepted) {
     expect_range<TissueChange>(

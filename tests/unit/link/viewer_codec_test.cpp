@@ -72,14 +72,16 @@ TEST(FoxgloveTool, RotatesItsFrame) {
 }
 
 // A page encodes a HandTarget with the schema that it has from /scene_state.
-TEST(Schema, OfTheSceneIncludesTheMessageThatAPageSends) {
+TEST(Schema, OfTheSceneIncludesTheMessagesThatAPageSends) {
   google::protobuf::FileDescriptorSet set;
   ASSERT_TRUE(set.ParseFromString(schema_of("palpate.v1.SceneState")));
 
   google::protobuf::DescriptorPool pool;
   for (const auto& file : set.file()) ASSERT_NE(pool.BuildFile(file), nullptr) << file.name();
 
-  EXPECT_NE(pool.FindMessageTypeByName("palpate.v1.HandTarget"), nullptr);
+  for (const char* sent : {"HandTarget", "TissueChange", "Acknowledgement"}) {
+    EXPECT_NE(pool.FindMessageTypeByName(std::string("palpate.v1.") + sent), nullptr) << sent;
+  }
 }
 
 }  // namespace

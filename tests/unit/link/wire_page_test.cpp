@@ -169,6 +169,7 @@ TEST(WirePage, GivesTheKindsAndLengthsOfFrames) {
   EXPECT_EQ(row("RunState"), frame_row<RunState>(kTelemetryReceiver));
   EXPECT_EQ(row("RunRequest"), frame_row<RunRequest>(kOneWayReceiver));
   EXPECT_EQ(row("TissueChange"), frame_row<TissueChange>(kOneWayReceiver));
+  EXPECT_EQ(row("Acknowledgement"), frame_row<Acknowledgement>(kOneWayReceiver));
 }
 
 TEST(WirePage, GivesTheReasonsInTheOrderOfTheChecks) {

@@ -571,6 +571,17 @@ TEST(SessionRules, OnlyThePhysicsOfPalpateTakesChangesOfTissues) {
                                   HasSubstr("needs physics_node")));
 }
 
+TEST(SessionRules, WithARealDeviceControlChangesNoTissueSoThatAnyPhysicsWillDo) {
+  const std::string real = "device { plugin { library: \"/x.so\" } }\n";
+  const std::string control = "name: \"x\" viewer { control: true }\n";
+  EXPECT_TRUE(may_change_tissue(parse_session(control, "x.txtpb")));
+  EXPECT_FALSE(may_change_tissue(parse_session("name: \"x\"", "x.txtpb")));
+  EXPECT_FALSE(may_change_tissue(parse_session(control + real, "x.txtpb")));
+  for (const char* physics : {"physics { standby {} }", "physics { command: \"mine\" }"}) {
+    EXPECT_FALSE(may_change_tissue(parse_session(control + real + physics, "x.txtpb")));
+  }
+}
+
 TEST(SessionRules, NameIsRequired) {
   EXPECT_THAT(complaints("").at(1), StartsWith("x.txtpb:1:1: name: required"));
 }

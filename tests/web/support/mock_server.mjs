@@ -89,7 +89,7 @@ const bytes_of = (array) => new Uint8Array(array.buffer, array.byteOffset, array
  * @param options.port      0: any
  * @param options.vertices  of the block's top, about
  * @param options.has_pointer  whether a page may move the hand
- * @param options.has_control  whether a page may change the tissues
+ * @param options.has_control  whether a page may change the tissues and acknowledge the device
  * @param options.names        of the tissues
  * @param options.shaft_m      length of the tool's shaft; 0: only a tip
  */
@@ -115,6 +115,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
     changes: [], // every TissueChange received
+    device: { phase: 4, deviceFaults: 0n, lastFault: 0 }, // of its counters
+    acknowledgements: [], // every Acknowledgement received
     refuses_changes: false,
     requests: [], // every RunRequest received
     recorder: { isPossible: true, isRecording: false, file: "", lengthS: 0, problem: "" },
@@ -241,7 +243,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     if (performance.now() - held_ms > kHolderTimeout_ms) world.holder = 0;
     if (world.alive.device) send_all("/device", encode("palpate.v1.DeviceTelemetry", {
       header: header("device"),
-      counters: { loop: loop(), forceCommand: counters(), answeredTicks: tick, maxForceNewton: 1.35, minimumTrueEnergyJoule: 0 },
+      counters: { loop: loop(), forceCommand: counters(), answeredTicks: tick, maxForceNewton: 1.35, minimumTrueEnergyJoule: 0, ...world.device },
       sequence: device.seq, sampledAtNs: device.at, switchedAtNs: device.at, latenessNs: device.late, replyTimeNs: device.reply,
       measuredHandPositionM: device.hand, measuredToolPositionWorldM: device.tool, forceOnHandNewton: device.force, guard: device.guard, flags: device.flags,
       measuredToolOrientationWorld: world.orientation ? Array(rows).fill(world.orientation).flat() : [],
@@ -346,7 +348,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     socket.published = new Map();
     socket.send(JSON.stringify({
       op: "serverInfo", name: "mock", capabilities: ["clientPublish"], supportedEncodings: ["protobuf"],
-      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock", client_topics: [...(has_pointer ? ["/hand_target"] : []), ...(has_control ? ["/tissue_change"] : []), "/run_request"].join(" ") },
+      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock", client_topics: [...(has_pointer ? ["/hand_target"] : []), ...(has_control ? ["/tissue_change", "/acknowledgement"] : []), "/run_request"].join(" ") },
     }));
     socket.send(JSON.stringify({
       op: "advertise",
@@ -371,6 +373,11 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       const published = socket.published.get(data.readUInt32LE(1));
       if (data[0] === 1 && published === "palpate.v1.TissueChange") {
         take_change(fromBinary(schema(published), data.subarray(5)));
+        return;
+      }
+      if (data[0] === 1 && published === "palpate.v1.Acknowledgement") {
+        const { deviceSessionId, phase, deviceFaults } = fromBinary(schema(published), data.subarray(5));
+        world.acknowledgements.push({ is_of_device: deviceSessionId === kSessions.device, phase, deviceFaults });
         return;
       }
       if (data[0] === 1 && published === "palpate.v1.RunRequest") {

@@ -12,6 +12,8 @@ test("a line becomes words with its values", () => {
   assert.equal(event_of(line(1, "viewer_node", "event=node_restarted node=mofc_node"))?.text, "mofc_node: restarted");
   assert.equal(event_of(line(1, "run", 'event=marker origin=page text="first cut"'))?.text, "first cut");
   assert.equal(event_of(line(1, "physics_node", "event=peer_up link=tool_motion")), null);
+  assert.equal(event_of(line(1, "device_node", "event=device_phase phase=calibrated remedy=…", 3))?.text, "device calibrated");
+  assert.equal(event_of(line(1, "device_node", "event=acknowledged_by_page count=1", 3))?.text, "acknowledged by a page");
   // unknown to this page
   const unknown = event_of(line(1, "device_node", "event=novelty x=1", 3));
   assert.deepEqual([unknown?.lane, unknown?.tone, unknown?.text], ["faults", "notice", "novelty x=1"]);

@@ -2,6 +2,7 @@
 // main.ts: connects the stream to the 3-D view, the plots and the texts.
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
+import { AcknowledgeControl } from "./acknowledge";
 import { make, write, type Palette, type View } from "./card";
 import { TissueControl } from "./control";
 import { Timeline } from "./events";
@@ -48,6 +49,8 @@ const timeline = new Timeline();
 const timeline_card = new TimelineCard(by_id("plots"), timeline);
 const control = new TissueControl(by_id("plots"),
   (change) => client.publish("/tissue_change", "palpate.v1.TissueChange", { ...change }));
+const acknowledge = new AcknowledgeControl(by_id("acknowledge"),
+  (seen) => client.publish("/acknowledgement", "palpate.v1.Acknowledgement", { ...seen }));
 const run = new RunControl(by_id("tools"), by_id("replay"),
   (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
 const counters = new Counters(by_id("plots"));
@@ -142,6 +145,7 @@ const client = new FoxgloveClient(
       const accepted = (metadata.client_topics ?? "").split(" ");
       hand.can_publish = accepted.includes("/hand_target");
       control.can_publish = accepted.includes("/tissue_change");
+      acknowledge.can_publish = accepted.includes("/acknowledgement");
       run.can_publish = accepted.includes("/run_request");
       hand.client_id = BigInt(metadata.client_id ?? 0);
     },
@@ -385,6 +389,7 @@ function say(now_s: number, display: View): void {
   write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
   write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, now_s));
   write_hand(hand.status, hand.is_touching);
+  acknowledge.write(sides, is_connected(), now_s);
   counters.write(telemetry);
   if (mode === "displacement" || mode === "strain") write_scale(view, mode);
 }
@@ -425,6 +430,7 @@ Object.defineProperty(window, "__test", {
       frames: view.frame_count, frame_cost_s: view.frame_cost_s, plot_draws,
       received: client.frame_count, bytes: client.byte_count, unreadable: client.unreadable_count,
       telemetry_lost: telemetry_lost(telemetry),
+      device_phase: telemetry.device_batch?.counters.phase,
       sides: Object.fromEntries([...sides].map(([side, one]) => [side, { tool_m: { ...one.tool_m }, applied_newton: norm(one.applied_newton), device_ticks: one.device.length }])),
       now_s: telemetry.now_s, device_ticks: telemetry.device.length, mofc_ticks: telemetry.mofc.length,
       plots: {

@@ -42,7 +42,9 @@ export interface DeviceTelemetry {
     limpTicks: bigint;
     peakLimitedTicks: bigint;
     faultTicks: bigint;
+    deviceFaults: bigint;
     lastFault: number;
+    phase: number;
     maxForceNewton: number;
     minimumTrueEnergyJoule: number;
     nonFiniteCommands: bigint;
@@ -224,14 +226,24 @@ export interface RunRequest {
   speedRatio?: number;
   isRecording?: boolean;
 }
+/** From the page: what it shows of a device that waits for an acknowledgement. */
+export interface Acknowledgement {
+  deviceSessionId: bigint;
+  phase: number;
+  deviceFaults: bigint;
+}
 
 // common/telemetry/telemetry.h
 export enum Guard { limp, answered, leased, fallback, fading, fault }
+export enum Phase { unknown, closed, connected, calibrated, enabled, faulted, checking }
 export enum Mofc { no_physics, free, contact, fading, clutched }
 export const kFaultReasons =
   ["none", "the device gave no reading", "a reading was not finite", "the position jumped",
     "the motors did not take their force", "the device gave no answer in time",
-    "the device is gone", "an answer of the device was corrupt"];
+    "the device is gone", "an answer of the device was corrupt", "the device has no supply or no calibration",
+    "the machine was suspended", "the readings stood still", "the motors push the wrong way",
+    "the motors are too strong", "the motors are not seen to push", "the check of the motors was interrupted",
+    "an account of the energy is wrong", "measured forces are not those commanded"];
 
 export const kDeviceAnswered = 1;
 export const kDevicePeakLimited = 2;
