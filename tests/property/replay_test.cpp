@@ -150,6 +150,7 @@ TEST(Replay, ANewStateDoesNot) {
   const std::vector<Heard> heard = heard_by(1);
   Loop loop(config_of());
   std::vector<Done> done;
+  done.reserve(heard.size());
   for (const Heard& one : heard) done.push_back(loop.step(one));
   Loop anew(config_of());
   std::size_t different = 0;
