@@ -122,7 +122,7 @@ TEST(ElasticSide, WhereTheBodyCannotGiveWayItIsCountedAndPushesStill) {
   double again = 0.0;
   for (int i = 0; i < 20; ++i) again = press.step(tip_at(0.004)).z();
   EXPECT_NEAR(again, at_4_mm, 0.05 * at_4_mm);
-  EXPECT_LE(press.simulation.failed_steps(), failed + 2);
+  EXPECT_LE(press.simulation.failed_steps(), failed + 3) << "then the body begins again";
 }
 
 // The shipped session's solve rate, −8 mm in 40 ms: the force stays.
