@@ -104,10 +104,12 @@ struct LoopbackCommand {
     loaded = with_only_side(std::move(loaded), side);
     output.check(loaded, {output.csv_file}, hand_file);
     std::optional<double> length_s = seconds;
+    int status = 0;
     if (!hand_file.empty()) {
       RecordingFile recording(hand_file);
       recording.choose_side(side);
       RecordedPath path = hand_path_of(recording, loaded.side().hand);
+      status = status_of_damage(recording);
       if (!length_s) length_s = recording.length_s();
       loaded.side().hand.path = std::move(path);
     }
@@ -140,7 +142,7 @@ struct LoopbackCommand {
     }
     write_json(json, summary_json(loaded, report), lost);
     output.say_written({output.csv_file, post_mortem_file}, verbosity);
-    return 0;
+    return status;
   }
 
  private:

@@ -47,14 +47,13 @@ SceneConfig rigid(SceneConfig scene) {
 }
 
 /// When the path first touches tissue; infinity: never; NaN: unknown, as the path depends on the
-/// force or on a person, or is too long to be followed.
+/// force, or is too long to be followed. A pointer leads the hand away from it only now and then.
 double first_touch_s(const physics::Scene& scene, const Side& side, double length_s) {
   return std::visit(
       [&](const auto& path) {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
           return kNaN;
         } else {
-          if (side.hand.pointer) return kNaN;
           const WorkspaceMap map(side.device.workspace);
           const physics::TissueMemory memory = scene.new_memory();
           for (double t_s = 0.0; t_s < std::min(length_s, kLongestPath_s); t_s += kPathStep_s) {
@@ -101,7 +100,8 @@ void examine_side(const Session& session, const Side& side, const physics::Scene
   }
   if (session.scene.tissues.empty() || !session.physics_command.empty()) return;
   const double touch_s = first_touch_s(scene, side, session.duration_s);
-  if (touch_s == kNever_s) {
+  const bool is_led = side.hand.pointer && std::holds_alternative<HoldPath>(side.hand.path);
+  if (touch_s == kNever_s && !is_led) {
     warnings.push_back(
         fmt::format("hand: its path touches no tissue within {:g} s; check the path, the places "
                     "of the tissues, and device.workspace",

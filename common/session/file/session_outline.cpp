@@ -23,6 +23,17 @@ class NoErrors : public pb::io::ErrorCollector {
                 const std::string& /*text*/) override {}
 };
 
+/// "−", "１": a character outside ASCII; empty: the text begins with none.
+std::string foreign_character_complaint(std::string_view text) {
+  const auto first = static_cast<unsigned char>(text.front());
+  if (first < 0x80) return {};
+  const std::size_t bytes = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+  const std::string character(text.substr(0, bytes));
+  return "cannot be read: " + character +
+         " can stand only in quotes and comments; write letters, digits and signs of ASCII, such "
+         "as - for a minus";
+}
+
 }  // namespace
 
 std::string curly_quote_complaint(std::string_view text) {
@@ -146,14 +157,18 @@ std::optional<SessionOutline::WrongEnumerator> SessionOutline::wrong_enumerator_
   }
   return WrongEnumerator{.field = field,
                          .value = value.text,
+                         .position = value.position,
                          .path = child_path(scopes_[value.scope].path, field->name(), -1)};
 }
 
 /// A name of a field: before a colon or a brace, and not a value.
 bool SessionOutline::is_name(std::size_t index) const {
-  const Token& token = tokens_[index];
-  if (token.type != Tokenizer::TYPE_IDENTIFIER || scopes_[token.scope].type == nullptr ||
-      index + 1 == tokens_.size() || (index > 0 && tokens_[index - 1].text == ":")) {
+  return looks_like_name(index) && scopes_[tokens_[index].scope].type != nullptr;
+}
+/// The same, also inside what no field is known of.
+bool SessionOutline::looks_like_name(std::size_t index) const {
+  if (tokens_[index].type != Tokenizer::TYPE_IDENTIFIER || index + 1 == tokens_.size() ||
+      (index > 0 && tokens_[index - 1].text == ":")) {
     return false;
   }
   const std::string& next = tokens_[index + 1].text;
@@ -208,7 +223,7 @@ std::optional<SessionOutline::Mistake> SessionOutline::unit(std::size_t index) c
   if (number.type != Tokenizer::TYPE_INTEGER && number.type != Tokenizer::TYPE_FLOAT) return {};
   if (index + 1 == tokens_.size()) return {};
   const Token& word = tokens_[index + 1];
-  if (word.type != Tokenizer::TYPE_IDENTIFIER || is_name(index + 1) ||
+  if (word.type != Tokenizer::TYPE_IDENTIFIER || looks_like_name(index + 1) ||
       word.position.line != number.position.line) {
     return {};
   }
@@ -239,10 +254,11 @@ std::optional<SessionOutline::Mistake> SessionOutline::foreign_notation(std::siz
   }
   if (token.type != Tokenizer::TYPE_SYMBOL) return {};
   std::string bytes = token.text;  // one byte of a character each
-  for (std::size_t i = index + 1; i < std::min(index + 3, tokens_.size()); ++i) {
+  for (std::size_t i = index + 1; i < std::min(index + 4, tokens_.size()); ++i) {
     bytes += tokens_[i].text;
   }
-  const std::string complaint = curly_quote_complaint(bytes);
+  std::string complaint = curly_quote_complaint(bytes);
+  if (complaint.empty()) complaint = foreign_character_complaint(bytes);
   return complaint.empty() ? std::nullopt : std::optional(Mistake{token.position, complaint});
 }
 

@@ -53,6 +53,7 @@ class SessionOutline {
   struct WrongEnumerator {
     const google::protobuf::FieldDescriptor* field = nullptr;
     std::string value;
+    TokenPosition position;
     std::string path;  ///< of the field: "mofc.mode"
   };
   /// The one that ends before `position`, where the parser reports it.
@@ -94,6 +95,7 @@ class SessionOutline {
   [[nodiscard]] const google::protobuf::FieldDescriptor* field_named_last() const;
   [[nodiscard]] std::optional<std::size_t> index_at(TokenPosition position) const;
   [[nodiscard]] bool is_name(std::size_t index) const;
+  [[nodiscard]] bool looks_like_name(std::size_t index) const;
   [[nodiscard]] std::optional<Mistake> missing_brace() const;
   [[nodiscard]] std::optional<Mistake> decimal_comma(std::size_t index) const;
   [[nodiscard]] std::optional<Mistake> unit(std::size_t index) const;

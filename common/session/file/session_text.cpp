@@ -153,7 +153,8 @@ bool SessionText::read(std::string_view text) {
     const bool is_explained = !mistakes.empty() && error.position >= mistakes.front().position &&
                               !outline.wrong_enumerator_before(error.position);
     if (is_explained) continue;
-    problems_.add(place_of(offset_of(error.position)),
+    const auto wrong = outline.wrong_enumerator_before(error.position);
+    problems_.add(place_of(offset_of(wrong ? wrong->position : error.position)),
                   error_text(error, outline, "write 'name: value' or 'name { … }'"));
   }
   return is_read && mistakes.empty();
@@ -260,7 +261,7 @@ void SessionText::apply_override(int number, const std::string& assignment) {
   const Place place{.override_number = number};
   const std::size_t equals = assignment.find('=');
   const std::string complaint =
-      equals == std::string::npos
+      equals == std::string::npos || equals == 0
           ? "must be path=value, e.g. mofc.controller=none"
           : assign(assignment.substr(0, equals), assignment.substr(equals + 1), place);
   if (!complaint.empty()) problems_.add(place, complaint);

@@ -48,6 +48,8 @@ class Recording:
         self._messages: dict[str, list[tuple[int, memoryview]]] = {}
         try:
             with self.file.open("rb") as opened:
+                if self.file.stat().st_size == 0:
+                    raise SetupError(f"recording {file}: is empty; give one of --record")
                 content = mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ)
         except (OSError, ValueError) as error:
             raise SetupError(f"recording {file}: cannot be read ({error})") from None

@@ -53,6 +53,11 @@ TEST(SessionWarnings, NameWhatIsProbablyNotMeant) {
            {"a path beside the tissue",
             {"hand.hold={ position_m { z: 0.05 } }"},
             "touches no tissue"},
+           {"a path beside the tissue, and a pointer that may lead the hand there",
+            {"hand.pointer={}",
+             "hand.sinusoid={ center_m { z: 0.5 } amplitude_m { z: 0.01 } "
+             "frequency_hz { z: 0.5 } }"},
+            "touches no tissue"},
            {"a path that begins in the tissue",
             {"hand.hold={ position_m { z: -0.002 } }"},
             "begins inside tissue"},

@@ -21,10 +21,13 @@ namespace {
 
 using namespace std::chrono_literals;
 using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
@@ -625,6 +628,9 @@ TEST(SessionFile, NotationOfOtherFormatsIsNamed) {
        "unit that the name of the field ends with"},
       {"name: 'x'\n// of the desk\ndevice {}",
        "x.txtpb:2:1: cannot be read: // begins no comment here; comments begin with #"},
+      {"name: 'x'\nhand { hold { position_m { z: −0.01 } } }",
+       "x.txtpb:2:31: cannot be read: − can stand only in quotes and comments; write letters, "
+       "digits and signs of ASCII, such as - for a minus"},
       {"/* of the desk */\nname: 'x'",
        "x.txtpb:1:1: cannot be read: /* begins no comment here; comments begin with #"},
       {"{ \"name\": \"x\", \"seed\": 1 }",
@@ -657,6 +663,25 @@ TEST(SessionFile, WrongEnumeratorIsReportedWithTheRightOnes) {
               EndsWith("mofc.mode = gaurd: must be paper, vector or guard; did you mean 'guard'?"));
   EXPECT_THAT(complaints("name: 'x' side { realtime { wait: never } }").at(1),
               HasSubstr("side[0].realtime.wait = never: must be hybrid, spin or block"));
+}
+
+TEST(SessionFile, WrongEnumeratorIsReportedWhereItStands) {
+  EXPECT_THAT(complaints("name: 'x'\nmofc {\n  mode: gaurd\n}\n").at(1),
+              StartsWith("x.txtpb:3:9: mofc.mode = gaurd"));
+  EXPECT_THAT(complaints("name: 'x'\nmofc {\n  mode: true\n\n\n}\n").at(1),
+              StartsWith("x.txtpb:3:9: mofc.mode = true"));
+}
+
+// what follows a number is a unit only if it is no name, though nothing is known about it
+TEST(SessionFile, NumbersInAnUnknownFieldHaveNoUnits) {
+  for (const char* text :
+       {"name: 'x'\nscene { tissue { kelvin_voight { stiffness_newton_per_m: 250 "
+        "damping_newton_s_per_m: 1 } } }",
+        "name: 'x'\nhand { sinusiod { center_m { x: 0 y: 1 } amplitude_m { z: 1 } } }",
+        "name: 'x'\nhnd { a: 1 b { c: 2 } }"}) {
+    EXPECT_THAT(complaints(text), Contains(HasSubstr("no such field"))) << text;
+    EXPECT_THAT(complaints(text), Each(Not(HasSubstr("units")))) << text;
+  }
 }
 
 TEST(SessionFile, AllUnknownFieldsAreReportedBeforeASyntaxError) {

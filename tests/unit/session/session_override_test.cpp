@@ -129,7 +129,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
   const BadOverride rows[] = {
       {"", "must be path=value"},
       {"device.rate_hz", "must be path=value"},
-      {"=1", "no such field"},
+      {"=1", "must be path=value"},
       {"device.=1", "device.: no such field"},
       {"device..rate_hz=1", "no such field"},
       {".device.rate_hz=1", "no such field"},
@@ -163,6 +163,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"hand.hold={ positin_m {} }",
        "hand.hold: no field 'positin_m' in Hold; did you mean "
        "'position_m'?"},
+      {"hand.hold={ position_m { x: 0 yy: 1 } }", "no field 'yy' in Vector3d; did you mean 'y'"},
       {"hand.hold={", "hand.hold: cannot be read"},
       {"mofc={ mode: fast }", "mode = fast: must be paper, vector or guard"},
       {"scene={ tissue [ {}, { spere {} } ] }",
