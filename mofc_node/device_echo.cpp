@@ -14,6 +14,7 @@ DeviceEcho::Report DeviceEcho::take(const DeviceState& state) noexcept {
   const TimePoint reading = state.header.sampled_at;
   Report report;
   if (previous_) report.since_previous = reading - *previous_;
+  if (state.applied_count > 0) report.since_answered = reading - state.applied[0].from;
 
   // what ended by then is booked
   TimePoint reached = known_until_;

@@ -24,7 +24,10 @@ class DeviceEcho {
     /// Valid until the next take(). Two readings with equal stamps have none between them.
     std::span<const controllers::AppliedStretch> applied;
     Vector3 mean_force_newton = Vector3::Zero();  ///< time average over `applied`; 0 without it
-    bool has_gap = false;       ///< it is not known what acted since the state that came before
+    bool has_gap = false;  ///< it is not known what acted since the state that came before
+    /// Device time since the newest reading whose answer has arrived; 0 in the first state. More
+    /// than a period: a tick was skipped, or had no answer.
+    Duration since_answered{};
     Duration since_previous{};  ///< device time since the previous state; 0 in the first one
   };
 

@@ -2,6 +2,7 @@
 #include "mofc_node/mofc_node.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "mofc_node/make_controller.h"
@@ -9,6 +10,9 @@
 
 namespace palpate::mofc {
 namespace {
+
+/// A ledger that a disturbance has emptied fills by and by.
+constexpr Duration kAftermath = std::chrono::milliseconds(100);
 
 /// A wave for a tool that moves scale_ratio times as far with 1/force_ratio of the force; the
 /// inverse with both ratios inverted.
@@ -39,7 +43,8 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
       still_after_(mofc.still_after),
       gone_after_(std::max(mofc.stale_after, mofc.still_after) + mofc.fade),
       fade_time_(mofc.fade),
-      fade_(mofc.stale_after, mofc.fade) {
+      fade_(mofc.stale_after, mofc.fade),
+      period_(from_seconds(1.0 / device.rate_hz)) {
   if (!standby) return;
   standby_.emplace(standby->interaction_in, clock, Duration::zero(), mofc.stale_after);
   relay_.relay_to_standby(standby->motion_out);
@@ -49,6 +54,8 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
   if (state.header.session_id != device_session_) {
     begin_device_session();
+    disturbed_.reset();
+    if (device_session_) disturbed_ = state.header.sampled_at;  // restarted
   }
   device_session_ = state.header.session_id;
 
@@ -123,7 +130,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
            .is_clamped = output.is_clamped,
            .is_in_contact = wanted.tissue.is_touching,
            .is_from_standby = choice_.in_use() == PhysicsRole::kStandby};
-  count(*turn_, physics, output, faded.phase);
+  count(*turn_, echo, physics, output, faded.phase);
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
   ForceCommand command = make_command(state, faded.force_newton, lease, now);
   command.counted_energy_joule = output.counted_energy_joule;
@@ -246,8 +253,9 @@ ForceCommand MofcNode::make_command(const DeviceState& state, const Vector3& for
           .valid_for = lease};
 }
 
-void MofcNode::count(const MofcTick& turn, const PhysicsAnswer& physics,
-                     const controllers::ControlOutput& output, SilenceFade::Phase phase) noexcept {
+void MofcNode::count(const MofcTick& turn, const DeviceEcho::Report& echo,
+                     const PhysicsAnswer& physics, const controllers::ControlOutput& output,
+                     SilenceFade::Phase phase) noexcept {
   ++counters_.ticks;
   if (turn.is_in_contact) ++counters_.contact_ticks;
   if (turn.is_from_standby) ++counters_.standby_ticks;
@@ -255,6 +263,14 @@ void MofcNode::count(const MofcTick& turn, const PhysicsAnswer& physics,
   if (output.is_too_fast) ++counters_.too_fast_ticks;
   if (physics.is_late) ++counters_.late_physics_ticks;
   if (phase != SilenceFade::Phase::kPresent) ++counters_.stale_ticks;
+
+  if (phase != SilenceFade::Phase::kPresent || physics.is_late || echo.has_gap ||
+      2 * echo.since_answered > 3 * period_) {
+    disturbed_ = turn.device_sampled_at;
+  }
+  if (!disturbed_ || turn.device_sampled_at - *disturbed_ > kAftermath) return;
+  if (turn.is_in_contact) ++counters_.disturbed_contact_ticks;
+  if (turn.is_clamped) ++counters_.disturbed_clamped_ticks;
 }
 
 }  // namespace palpate::mofc

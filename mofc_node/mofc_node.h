@@ -91,7 +91,7 @@ class MofcNode {
   [[nodiscard]] bool is_fresh(const Interaction* interaction) noexcept;
   [[nodiscard]] ForceCommand make_command(const DeviceState& state, const Vector3& force_newton,
                                           Duration lease, TimePoint now) noexcept;
-  void count(const MofcTick& turn, const PhysicsAnswer& physics,
+  void count(const MofcTick& turn, const DeviceEcho::Report& echo, const PhysicsAnswer& physics,
              const controllers::ControlOutput& output, SilenceFade::Phase phase) noexcept;
 
   InteractionUse interaction_use_;
@@ -113,6 +113,8 @@ class MofcNode {
   Duration fade_time_;
   SilenceFade fade_;
 
+  Duration period_;                     // of the device
+  std::optional<TimePoint> disturbed_;  // newest reading that something disturbed
   std::optional<std::uint64_t> device_session_;
   std::uint64_t next_command_ = 1;
   std::optional<std::uint64_t> used_interaction_;  // sequence of the last one that was evaluated

@@ -49,6 +49,10 @@ struct MofcCounters {
   std::uint64_t stale_ticks = 0;
   std::uint64_t late_physics_ticks = 0;  ///< wait_for_physics expired
   std::uint64_t ledger_resets = 0;       ///< new device session, or a gap in the echo
+  /// Of contact_ticks and clamped_ticks: within 0.1 s of silent or late physics, or of a tick of
+  /// the device that was skipped or had no answer.
+  std::uint64_t disturbed_contact_ticks = 0;
+  std::uint64_t disturbed_clamped_ticks = 0;
   std::uint64_t motions_dropped = 0;     ///< tool_motion refused by the link
   std::uint64_t motions_suppressed = 0;  ///< not sent: within mofc.motion_deadband
   /// For the transparency of the session so far, projected and capped (docs/theory.md §7.2): its

@@ -35,6 +35,8 @@ struct ReplayState {
   double speed_ratio = 1.0;  ///< multiple of real time, also while paused
   bool is_paused = false;
   std::uint64_t begin_ns = 0;  ///< wall clock at the beginning of the recording
+  /// That began: the first, one at each move, and others in the recording.
+  std::uint64_t runs = 1;
 
   bool operator==(const ReplayState&) const = default;
 };

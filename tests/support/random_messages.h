@@ -302,6 +302,8 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.stale_ticks = random.bits();
   c.late_physics_ticks = random.bits();
   c.ledger_resets = random.bits();
+  c.disturbed_contact_ticks = random.bits();
+  c.disturbed_clamped_ticks = random.bits();
   c.motions_dropped = random.bits();
   c.motions_suppressed = random.bits();
   c.transparency_integral_ns = random.uniform(0.0, 1e6);
@@ -452,7 +454,8 @@ inline void randomise(RunState& m, Random& random) {
               .length_s = random.uniform(0.0, 10.0),
               .speed_ratio = random.uniform(0.1, 10.0),
               .is_paused = random.chance(0.5),
-              .begin_ns = random.bits()};
+              .begin_ns = random.bits(),
+              .runs = random.bits()};
 }
 inline void randomise(RunRequest& m, Random& random) {
   m = {};
@@ -755,8 +758,10 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          a.ticks == b.ticks && a.contact_ticks == b.contact_ticks &&
          a.clamped_ticks == b.clamped_ticks && a.too_fast_ticks == b.too_fast_ticks &&
          a.stale_ticks == b.stale_ticks && a.late_physics_ticks == b.late_physics_ticks &&
-         a.ledger_resets == b.ledger_resets && a.motions_dropped == b.motions_dropped &&
-         a.motions_suppressed == b.motions_suppressed &&
+         a.ledger_resets == b.ledger_resets &&
+         a.disturbed_contact_ticks == b.disturbed_contact_ticks &&
+         a.disturbed_clamped_ticks == b.disturbed_clamped_ticks &&
+         a.motions_dropped == b.motions_dropped && a.motions_suppressed == b.motions_suppressed &&
          same(a.transparency_integral_ns, b.transparency_integral_ns) &&
          a.transparency_time_ns == b.transparency_time_ns &&
          same(a.standby_interaction, b.standby_interaction) && a.physics_term == b.physics_term &&

@@ -53,26 +53,30 @@ void WebHealth::pump(TimePoint now, ViewerHealth own) {
                                      .requests_refused = counters.refused,
                                      .frames_rejected = subscriber_.rejected()},
                                     now));
-  server_.set_verdict(verdicts(health.run.replay.has_value()));
+  if (health.run.replay && !first_run_) first_run_ = health.run.replay->runs;
+  const bool is_replay = health.run.replay.has_value();
+  other_runs_ =
+      is_replay ? health.run.replay->runs - std::min(*first_run_, health.run.replay->runs) : 0;
+  server_.set_verdict(verdicts());
   const std::size_t channel = index_of(WebChannel::kHealth);
   if (server_.has_subscriber(channel)) {
     server_.publish(channel, wall_clock_ns(), make_payload(encode_health(health)));
   }
 }
 
-std::vector<RunFinding> WebHealth::verdict_of(std::size_t side, bool is_replay) const {
+std::vector<RunFinding> WebHealth::verdict_of(std::size_t side) const {
   RunFacts facts =
       facts_of(facts_of(session_, session_.sides[side]), mirrors_[side], figures_[side]);
   facts.ticks_received = 0;  // rows are not counted here
-  if (is_replay) leave_out_runs(facts, mirrors_[side]);
+  leave_out_runs(facts, other_runs_);
   return judge(facts);
 }
 
-std::string WebHealth::verdicts(bool is_replay) const {
+std::string WebHealth::verdicts() const {
   nlohmann::ordered_json json;
   json["session"] = session_.name;
   for (std::size_t i = 0; i < figures_.size(); ++i) {
-    json["sides"][session_.sides[i].name] = verdict_json(verdict_of(i, is_replay));
+    json["sides"][session_.sides[i].name] = verdict_json(verdict_of(i));
   }
   return json.dump() + "\n";
 }
@@ -80,7 +84,7 @@ std::string WebHealth::verdicts(bool is_replay) const {
 void WebHealth::tell_verdicts() {
   for (std::size_t i = 0; i < figures_.size(); ++i) {
     if (!mirrors_[i].device_link().is_heard()) continue;
-    const std::vector<RunFinding> findings = verdict_of(i, false);
+    const std::vector<RunFinding> findings = verdict_of(i);
     const Grade grade = grade_of(findings);
     std::string text;
     for (const RunFinding& finding : findings) {

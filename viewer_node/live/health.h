@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -42,8 +43,8 @@ class WebHealth {
  private:
   void add_node(ViewerHealth& health, const std::string& name, const NodeLink& link, TimePoint now);
   /// {"session", "sides": {NAME: verdict}}; one device has the name "".
-  [[nodiscard]] std::string verdicts(bool is_replay) const;
-  [[nodiscard]] std::vector<RunFinding> verdict_of(std::size_t side, bool is_replay) const;
+  [[nodiscard]] std::string verdicts() const;
+  [[nodiscard]] std::vector<RunFinding> verdict_of(std::size_t side) const;
   void note_node(const std::string& name, bool is_heard, std::uint64_t sessions);
 
   const Session& session_;
@@ -52,7 +53,9 @@ class WebHealth {
   WebServer& server_;
   WebLog& log_;
   MetricsText metrics_;
-  std::vector<RunFigures> figures_;  // by side
+  std::vector<RunFigures> figures_;         // by side
+  std::optional<std::uint64_t> first_run_;  // of a replay, that this viewer has heard of
+  std::uint64_t other_runs_ = 0;            // of a replay, since then
   struct Seen {
     bool is_heard = false;
     std::uint64_t sessions = 0;

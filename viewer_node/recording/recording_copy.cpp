@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <type_traits>
@@ -187,6 +190,42 @@ class Copy {
         refuse_two_runs_at_once(sources_[k].reader, runs[k], source.reader, runs[i]);
       }
     }
+    note_seams(runs);
+  }
+
+  /// Where a source of another run begins, and where one did in a source. @param runs  of sources
+  void note_seams(const std::vector<Runs>& runs) {
+    for (const Source& source : sources_) {
+      for (const std::uint64_t seam_ns : seams_of(source.reader)) {
+        seams_ns_.insert(seam_ns + source.shift_ns);
+      }
+    }
+    std::vector<std::size_t> order(runs.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    const auto begin_ns = [&](std::size_t i) {
+      return sources_[i].reader.begin_ns() + sources_[i].shift_ns;
+    };
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return begin_ns(a) < begin_ns(b); });
+    for (std::size_t i = 1; i < order.size(); ++i) {
+      const bool is_known =
+          std::any_of(order.begin(), order.begin() + static_cast<int>(i),
+                      [&](std::size_t k) { return is_same_run(runs, k, order[i]); });
+      if (!is_known) seams_ns_.insert(begin_ns(order[i]));
+    }
+  }
+  /// Whether a device_node of both is the same process.
+  [[nodiscard]] bool is_same_run(const std::vector<Runs>& runs, std::size_t a,
+                                 std::size_t b) const {
+    if (runs[a].empty() || runs[b].empty()) return true;  // not known
+    return std::any_of(runs[b].begin(), runs[b].end(), [&](const auto& node) {
+      const auto same = runs[a].find(node.first);
+      return same != runs[a].end() &&
+             std::any_of(node.second.begin(), node.second.end(), [&](const auto& start) {
+               return same->second.contains(start.first + sources_[b].shift_id -
+                                            sources_[a].shift_id);
+             });
+    });
   }
 
   /// In lockstep the nodes of every run have the same ids: a run that does not continue the ones
@@ -364,10 +403,14 @@ class Copy {
       writer.add_metadata(kNodesMetadata, source.reader.metadata(kNodesMetadata));
     }
     writer.add_metadata(kLossMetadata, {{"messages_dropped", std::to_string(dropped)}});
+    std::vector<std::uint64_t> seams_ns;  // another run was before
+    std::copy_if(seams_ns_.begin(), seams_ns_.end(), std::back_inserter(seams_ns),
+                 [&](std::uint64_t at_ns) { return at_ns > from_ns_ && at_ns <= to_ns_; });
     writer.add_metadata(
         kCopyMetadata,
         {{"command", options_.command},
          {"sources", files},
+         {"seams", fmt::format("{}", fmt::join(seams_ns, ","))},
          {"topics", fmt::format("{}", fmt::join(options_.topics, ","))},
          {"from_s", fmt::format("{:.9g}", static_cast<double>(from_ns_ - begin_ns_) * 1e-9)},
          {"to_s", fmt::format("{:.9g}", static_cast<double>(to_ns_ - begin_ns_) * 1e-9)},
@@ -387,10 +430,22 @@ class Copy {
   std::map<std::uint32_t, std::pair<std::size_t, std::string>> frames_;  // by tissue
   Codec<MeshFrame> meshes_;
   std::set<std::pair<std::size_t, std::size_t>> written_;  // channel, hash of the payload
+  std::set<std::uint64_t> seams_ns_;                       // in the copy: another run begins
   CopyResult result_;
 };
 
 }  // namespace
+
+std::vector<std::uint64_t> seams_of(const McapReader& recording) {
+  const mcap::Strings copy = recording.metadata(kCopyMetadata);
+  const auto it = copy.find("seams");
+  std::vector<std::uint64_t> seams_ns;
+  std::istringstream list(it != copy.end() ? it->second : "");
+  for (std::string one; std::getline(list, one, ',');) {
+    seams_ns.push_back(std::strtoull(one.c_str(), nullptr, 10));
+  }
+  return seams_ns;
+}
 
 std::string CopyResult::loss() const {
   std::string text;

@@ -15,9 +15,12 @@
 namespace palpate::viewer {
 
 /// Metadata of this name in a copy: what was done ("cut", "recover", "merge"), from_s and to_s,
-/// topics, damaged_chunks, unreadable_messages and unreadable_bytes of the sources, and their
-/// files.
+/// topics, seams (log times in ns from which on another run is recorded), damaged_chunks,
+/// unreadable_messages and unreadable_bytes of the sources, and their files.
 inline constexpr const char* kCopyMetadata = "palpate_copy";
+
+/// Log times in ns from which on a recording holds another run; empty: it holds one.
+[[nodiscard]] std::vector<std::uint64_t> seams_of(const McapReader& recording);
 
 struct CopyOptions {
   std::string command{};  ///< for kCopyMetadata

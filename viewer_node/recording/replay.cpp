@@ -10,6 +10,7 @@
 #include <ctime>
 #include <filesystem>
 #include <map>
+#include <vector>
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
@@ -21,6 +22,7 @@
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
 #include "viewer_node/feed/scene_mirror.h"
+#include "viewer_node/recording/recording_copy.h"
 #include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
@@ -215,6 +217,7 @@ class Replay {
         session_(std::move(session)),
         stage_(session_),
         scene_(first_scene(recording)),
+        seams_ns_(viewer::seams_of(recording.mcap())),
         host_(stage_.context(), clock_, session_),
         run_{.header = {},
              .markers = recording.markers(),
@@ -229,6 +232,7 @@ class Replay {
     has_own_page_ = options_.start_page && options_.start_page(session_);
     if (!wait_for_viewer()) return;
     seek(options_.start_s);
+    run_.replay->runs = 1;
     for (;;) {
       const RecordingFile::Item* item = recording_.next();
       if (item == nullptr) {
@@ -237,6 +241,7 @@ class Replay {
       }
       switch (wait_for(seconds_of(*item))) {
         case Wait::kDue:
+          note_run(item->log_time_ns);
           std::visit([&](const auto& message) { show(message); }, item->message);
           has_shown_ = true;
           break;
@@ -292,10 +297,22 @@ class Replay {
 
   /// A new pass from there: like a restart of all nodes, with the scene of the beginning.
   void seek(double position_s) {
+    ++run_.replay->runs;
     playhead_.move_to(position_s);
     stage_.begin(scene_ ? &*scene_ : nullptr);
     recording_.seek(recording_.mcap().begin_ns() +
                     static_cast<std::uint64_t>(std::llround(run_.replay->position_s * 1e9)));
+    shown_ns_ = 0;
+  }
+
+  /// Another run may begin with it in the recording.
+  void note_run(std::uint64_t log_time_ns) {
+    if (shown_ns_ > 0) {
+      run_.replay->runs += static_cast<std::uint64_t>(std::count_if(
+          seams_ns_.begin(), seams_ns_.end(),
+          [&](std::uint64_t at_ns) { return at_ns > shown_ns_ && at_ns <= log_time_ns; }));
+    }
+    shown_ns_ = std::max(shown_ns_, log_time_ns);
   }
 
   /// At the end: true if it goes on, by itself or because a viewer moved the playhead.
@@ -356,6 +373,8 @@ class Replay {
   StopSignals stop_;  // before the threads of stage_
   Stage stage_;
   std::optional<SceneState> scene_;
+  std::vector<std::uint64_t> seams_ns_;  // of the recording
+  std::uint64_t shown_ns_ = 0;           // newest message of this pass
   RunHost host_;
   RunState run_;
   Playhead playhead_;

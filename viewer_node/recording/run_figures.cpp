@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <variant>
 
@@ -60,6 +59,7 @@ void for_each_count(MofcCounters& a, const MofcCounters& b, const MofcCounters& 
        {&MofcCounters::ticks, &MofcCounters::contact_ticks, &MofcCounters::clamped_ticks,
         &MofcCounters::too_fast_ticks, &MofcCounters::stale_ticks,
         &MofcCounters::late_physics_ticks, &MofcCounters::ledger_resets,
+        &MofcCounters::disturbed_contact_ticks, &MofcCounters::disturbed_clamped_ticks,
         &MofcCounters::motions_dropped, &MofcCounters::motions_suppressed,
         &MofcCounters::transparency_time_ns, &MofcCounters::standby_ticks,
         &MofcCounters::physics_switches}) {
@@ -110,13 +110,20 @@ MofcCounters counts_before(const MofcBatch& batch) {
   return before;
 }
 
+/// The first batch received has this number at least: who listens began in the middle of the run.
+/// 30 … 60 are sent a second.
+constexpr std::uint64_t kLateBatch = 60;
+
 /// Adds what the batch counts beyond the one before it.
 /// @return  false if the batch is known
 template <class Batch, class Counters, class Known>
 bool add_counts(const Batch& batch, bool is_part, Counters& total, Known& session) {
   const bool is_same = batch.header.session_id == session.id;
   if (is_same && batch.header.sequence <= session.batch) return false;  // late or twice
-  const Counters before = is_same ? session.newest : is_part ? counts_before(batch) : Counters{};
+  const bool is_late = session.id == 0 && batch.header.sequence >= kLateBatch;
+  const Counters before = is_same              ? session.newest
+                          : is_part || is_late ? counts_before(batch)
+                                               : Counters{};
   session = {
       .id = batch.header.session_id, .batch = batch.header.sequence, .newest = batch.counters};
   set_ticks(session.newest, ticks_of(batch));
@@ -160,10 +167,15 @@ void RunFigures::add(const PhysicsBatch& batch) {
     const bool is_same = batch.header.session_id == physics_session_;
     if (is_same && tick.sequence <= physics_sequence_) continue;  // late or twice
     if (is_same) {
-      physics_steps += tick.sequence - physics_sequence_;
+      const std::uint64_t steps = tick.sequence - physics_sequence_;
       const Duration since = tick.stepped_at - physics_stepped_at_;
+      // telemetry of the steps before the gap may be lost
+      const Duration of_others = steps == 1 || physics_steps == 0
+                                     ? Duration::zero()
+                                     : from_seconds(static_cast<double>(steps - 1) / physics_hz());
+      if (steps == 1 || physics_steps > 0) physics_gap = std::max(physics_gap, since - of_others);
+      physics_steps += steps;
       physics_time += since;
-      if (tick.sequence == physics_sequence_ + 1) physics_gap = std::max(physics_gap, since);
     }
     ++physics_received_;
     physics_compute_ += tick.compute_time;
@@ -236,20 +248,21 @@ RunFacts facts_of(const RecordingFile& recording, const RecordedRun& run) {
   }
   about.is_in_real_time = !recording.about("recorded_by").starts_with("palpate loopback");
   RunFacts facts = facts_of(std::move(about), run.mirror, run.figures);
-  if (!recording.mcap().metadata(viewer::kCopyMetadata).empty()) {
-    leave_out_runs(facts, run.mirror);
-  }
+  leave_out_runs(facts, viewer::seams_of(recording.mcap()).size());
+  const auto is_recorded = [&](const char* name) {
+    const auto& topics = recording.mcap().topics();
+    return std::any_of(topics.begin(), topics.end(),
+                       [&](const auto& one) { return one.topic == name; });
+  };
+  facts.device_node.is_recorded = is_recorded("/device");
+  facts.mofc_node.is_recorded = is_recorded("/mofc");
+  facts.physics_node.is_recorded = is_recorded("/physics");
   return facts;
 }
 
-void leave_out_runs(RunFacts& facts, const viewer::TelemetryMirror& mirror) {
-  std::uint64_t runs = std::numeric_limits<std::uint64_t>::max();
-  for (const viewer::NodeLink* link :
-       {&mirror.device_link(), &mirror.mofc_link(), &mirror.physics_link()}) {
-    runs = std::min(runs, link->sessions);
-  }
+void leave_out_runs(RunFacts& facts, std::uint64_t others) {
   for (RunFacts::Node* node : {&facts.device_node, &facts.mofc_node, &facts.physics_node}) {
-    node->restarts -= std::min(node->restarts, runs > 0 ? runs - 1 : 0);
+    node->restarts -= std::min(node->restarts, others);
   }
 }
 

@@ -24,7 +24,8 @@ namespace palpate {
 /// Figures of one device over the whole run: unlike the counters of a node, they do not start again
 /// at 0 when the node is restarted.
 struct RunFigures {
-  /// Of a part of a run: what the nodes counted before its first batch is left out.
+  /// Of a part of a run: what the nodes counted before its first batch is left out. Of the first
+  /// batch of all this is so whenever a node has run for a while.
   bool is_part = false;
   DurationHistogram reply_time;
   DurationHistogram lateness;
@@ -73,9 +74,9 @@ struct RunFigures {
 /// What is judged of an observed run. @param about  what is known of the session
 [[nodiscard]] RunFacts facts_of(RunFacts about, const viewer::TelemetryMirror& mirror,
                                 const RunFigures& figures);
-/// For what may hold several runs, a copy or a replay of one: where all nodes are other ones,
-/// another run began and none was restarted.
-void leave_out_runs(RunFacts& facts, const viewer::TelemetryMirror& mirror);
+/// Where another run began all nodes are other ones, and none was restarted.
+/// @param others  runs that followed the first, in a recording or a replay
+void leave_out_runs(RunFacts& facts, std::uint64_t others);
 /// Controller of one side of a recording: "left: mofc guard, right: none" names those of all.
 [[nodiscard]] std::string controller_of(const RecordingFile& recording, const std::string& side);
 

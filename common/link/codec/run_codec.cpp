@@ -37,6 +37,7 @@ void put(const ReplayState& replay, v1::ReplayState& to) {
   to.set_speed_ratio(replay.speed_ratio);
   to.set_is_paused(replay.is_paused);
   to.set_begin_ns(replay.begin_ns);
+  to.set_runs(replay.runs);
 }
 /// In place, so that strings keep their memory.
 void read(const v1::Marker& m, Marker& to) {
@@ -51,6 +52,7 @@ void read(const v1::ReplayState& replay, ReplayState& to) {
   to.speed_ratio = replay.speed_ratio();
   to.is_paused = replay.is_paused();
   to.begin_ns = replay.begin_ns();
+  to.runs = replay.runs();
 }
 /// Empty if the field is left out.
 template <class T>

@@ -133,6 +133,8 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_stale_ticks(c.stale_ticks);
   to.set_late_physics_ticks(c.late_physics_ticks);
   to.set_ledger_resets(c.ledger_resets);
+  to.set_disturbed_contact_ticks(c.disturbed_contact_ticks);
+  to.set_disturbed_clamped_ticks(c.disturbed_clamped_ticks);
   to.set_motions_dropped(c.motions_dropped);
   to.set_motions_suppressed(c.motions_suppressed);
   to.set_transparency_integral_ns(c.transparency_integral_ns);
@@ -158,6 +160,8 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .stale_ticks = c.stale_ticks(),
           .late_physics_ticks = c.late_physics_ticks(),
           .ledger_resets = c.ledger_resets(),
+          .disturbed_contact_ticks = c.disturbed_contact_ticks(),
+          .disturbed_clamped_ticks = c.disturbed_clamped_ticks(),
           .motions_dropped = c.motions_dropped(),
           .motions_suppressed = c.motions_suppressed(),
           .transparency_integral_ns = c.transparency_integral_ns(),

@@ -29,6 +29,11 @@ constexpr double kWholeRun = 0.95;
 constexpr double kStopped_s = 1.0;
 /// Of the default: from it on the cap takes force from `default`.
 constexpr double kLowCap_ratio = 0.5;
+/// Of the share of the whole contact: it is clamped as often where nothing was disturbed.
+constexpr double kAsOften = 0.5;
+/// Of the messages of the physics, lost or a step late: what needs them is noticeably older.
+constexpr double kOftenOld = 0.5;
+constexpr double kCoarseDeadband_m = 0.5e-3;
 /// Of the ticks without an answer: those after lease and fallback have ended.
 constexpr double kMostlyLimp = 0.8;
 
@@ -66,12 +71,12 @@ std::optional<Cause> Causes::found(std::initializer_list<const char*> events,
   return std::nullopt;
 }
 
-std::optional<Cause> Causes::simulated(SimulatedAt place, double loss) const {
+std::optional<Cause> Causes::simulated(SimulatedAt place, double loss, double least_delay_s) const {
   const double period_s = 1.0 / f_.device_rate_hz;
   const double run_s =
       static_cast<double>(f_.device.loop.ticks + f_.device.loop.skipped_ticks) * period_s;
   const SimulatedDisturbance disturbance =
-      simulated_at(place, f_.faults, f_.adversary, period_s, run_s);
+      simulated_at(place, f_.faults, f_.adversary, period_s, run_s, least_delay_s);
   if (disturbance.fields.empty() ||
       disturbance.share < std::max(kLeastSimulated, loss / kAftermath)) {
     return std::nullopt;
@@ -163,8 +168,9 @@ Cause Causes::of_silent_physics(double silent) const {
   }
   // when it wakes, it answers readings that are older than any news of the physics
   const bool has_clamp = !found({"device_not_enabled", "dead_man_button", "mofc_silent"});
-  if (const auto cause = paused_clamp();
-      cause && has_clamp && f_.device.limp_ticks >= f_.mofc.stale_ticks) {
+  const std::uint64_t limp =
+      f_.device.limp_ticks - std::min(f_.device.limp_ticks, start_up_ticks(f_.device));
+  if (const auto cause = paused_clamp(); cause && has_clamp && limp >= f_.mofc.stale_ticks) {
     return *cause;
   }
   return {"physics_silent",
@@ -249,34 +255,65 @@ Cause Causes::of_no_contact() const {
   return {"path", "check the hand's path and the places of the tissues: `palpate scene check`"};
 }
 
-/// Of the run, not of what the session asks for.
-std::optional<Cause> Causes::disturbance(double least_share) const {
-  return found(
-      {"device_fault", "device_restarted", "mofc_restarted", "physics_restarted", "physics_silent",
-       "physics_slow", "elastic_failed", "elastic_late", "encoder_coarse", "readings_repeated",
-       "path_jumps", "hand_too_fast", "monitor_reduced", "ledger_too_high", "dead_man_button",
-       "position_frozen", "ticks_unanswered", "ticks_skipped"},
-      least_share);
+/// Of the run, not of single ticks.
+std::optional<Cause> Causes::of_run(double least_share) const {
+  if (auto cause = found({"device_fault", "elastic_failed", "elastic_late", "encoder_coarse",
+                          "readings_repeated", "path_jumps", "hand_too_fast", "monitor_reduced",
+                          "ledger_too_high", "dead_man_button", "position_frozen"},
+                         least_share)) {
+    return cause;
+  }
+  if (auto cause = simulated(SimulatedAt::kHostile, 0.0)) return cause;
+  return simulated(SimulatedAt::kClamp, 0.0);
 }
 
-std::optional<Cause> Causes::simulated_disturbance(double loss) const {
-  for (const SimulatedAt place :
-       {SimulatedAt::kPhysics, SimulatedAt::kStandby, SimulatedAt::kExchange, SimulatedAt::kDevice,
-        SimulatedAt::kClamp}) {
+Causes::LossPlace Causes::place_of_loss() const {
+  const MofcCounters& mofc = f_.mofc;
+  const double everywhere = ratio(mofc.clamped_ticks, mofc.contact_ticks);
+  const std::uint64_t contact =
+      mofc.contact_ticks - std::min(mofc.contact_ticks, mofc.disturbed_contact_ticks);
+  const std::uint64_t clamped =
+      mofc.clamped_ticks - std::min(mofc.clamped_ticks, mofc.disturbed_clamped_ticks);
+  if (everywhere < kFairRatio || ratio(contact, mofc.contact_ticks) < kFairRatio) {
+    return LossPlace::kUnknown;
+  }
+  return ratio(clamped, contact) >= kAsOften * everywhere ? LossPlace::kElsewhere
+                                                          : LossPlace::kDisturbed;
+}
+
+/// Skipped, not answered, or without physics.
+std::optional<Cause> Causes::disturbed_ticks(double loss) const {
+  const double least_share = loss / kAftermath;
+  if (auto cause = found({"device_restarted", "mofc_restarted"})) return cause;
+  if (found({"physics_silent"}, least_share)) {
+    return found({"physics_restarted", "physics_silent"});
+  }
+  if (auto cause = found({"ticks_unanswered", "ticks_skipped"}, least_share)) return cause;
+  if (auto cause = simulated(SimulatedAt::kDevice, loss)) return cause;
+  return simulated(SimulatedAt::kExchange, loss);
+}
+
+/// Of the physics, where the force needs it at every step.
+std::optional<Cause> Causes::old_news(double loss) const {
+  if (!needs_news()) return std::nullopt;
+  if (auto cause = found({"physics_restarted", "physics_slow"}, loss / kAftermath)) return cause;
+  // within a step nobody notices a delay; one message lost leaves the force a step older
+  const double step_s = 1.0 / std::min(f_.physics_rate_hz, f_.device_rate_hz);
+  for (const SimulatedAt place : {SimulatedAt::kPhysics, SimulatedAt::kStandby}) {
     if (place == SimulatedAt::kStandby && f_.mofc.standby_ticks == 0) continue;
-    if (auto cause = simulated(place, loss)) return cause;
+    if (auto cause = simulated(place, kAftermath * kOftenOld, step_s)) return cause;
   }
   return std::nullopt;
 }
 
-std::optional<Cause> Causes::begin_of_run() const {
+std::optional<Cause> Causes::begin_of_run(double loss) const {
   const double contact_s = static_cast<double>(f_.mofc.contact_ticks) / f_.device_rate_hz;
   const double run_s = static_cast<double>(f_.device.loop.ticks) / f_.device_rate_hz;
   // the ramp and the contact overlap by so much at least
   const double in_ramp_s = f_.physics.is_started_in_contact
                                ? std::min(contact_s, f_.start_ramp_s)
                                : std::min(contact_s, f_.start_ramp_s + contact_s - run_s);
-  if (in_ramp_s >= kFairRatio * contact_s && contact_s > 0.0) {
+  if (in_ramp_s >= std::max(kFairRatio, kMostlyOneHole * loss) * contact_s && contact_s > 0.0) {
     return Cause{"start_ramp",
                  fmt::format("the force grows from zero for {:.1f} s, by device.start_ramp_ms: "
                              "touch later, run longer, or lower it",
@@ -336,8 +373,7 @@ std::optional<Cause> Causes::device(double least_share) const {
 }
 
 std::optional<Cause> Causes::physics() const {
-  const bool is_coarse = f_.physics_rate_hz < f_.device_rate_hz;
-  if (is_coarse && !f_.is_local) {
+  if (is_coarse() && !f_.is_local) {
     return Cause{"physics_rate",
                  fmt::format("physics computes {} forces a second for {} ticks: raise "
                              "physics.rate_hz, or set mofc.interaction=local",
@@ -349,7 +385,7 @@ std::optional<Cause> Causes::physics() const {
                              "elastic.solve_rate_hz",
                              f_.solve_rate_hz)};
   }
-  if (is_coarse) {
+  if (is_coarse()) {
     return Cause{"physics_rate",
                  fmt::format("contact models are {} times a second old, for {} "
                              "ticks: raise physics.rate_hz",
@@ -371,31 +407,71 @@ std::optional<Cause> Causes::controller_settings() const {
   return std::nullopt;
 }
 
-Cause Causes::of_loss(double loss) const {
-  const double least_share = loss / kAftermath;
-  if (const auto cause = disturbance(least_share)) return *cause;
+/// What thins the messages between clamp and physics.
+std::optional<Cause> Causes::deadband() const {
+  if (!needs_news()) return std::nullopt;
+  const double newton = f_.maximum_force_newton;
+  if (const auto& one = f_.interaction_deadband;
+      one && (one->ratio >= kFairRatio || one->floor_newton >= kFairRatio * newton)) {
+    return Cause{"deadband",
+                 fmt::format("by physics.interaction_deadband a force stays until it is {} or {:g} "
+                             "N off: lower ratio and floor_newton, or leave it out",
+                             percent(one->ratio), one->floor_newton)};
+  }
+  if (const auto& one = f_.motion_deadband;
+      one && (one->ratio >= kFairRatio || one->floor_m >= kCoarseDeadband_m)) {
+    return Cause{"deadband",
+                 fmt::format("by mofc.motion_deadband physics hears of the tool when it is {} or "
+                             "{:g} mm off: lower ratio and floor_m, or leave it out",
+                             percent(one->ratio), 1e3 * one->floor_m)};
+  }
+  return std::nullopt;
+}
+
+std::optional<Cause> Causes::rate_and_mode() const {
+  if (f_.device_rate_hz < kUsualRate_hz) {
+    return Cause{"device_rate",
+                 fmt::format("{:g} ticks a second: raise device.rate_hz, or make the tissue softer "
+                             "or more damped",
+                             f_.device_rate_hz)};
+  }
+  return controller_settings();
+}
+
+/// What the session sets for the whole run.
+std::optional<Cause> Causes::settings(double loss) const {
   if (f_.is_limited) {
-    if (const auto cause = no_friction()) return *cause;
+    if (auto cause = no_friction()) return cause;
   }
-  if (const auto cause = simulated_disturbance(loss)) return *cause;
   if (is_other_controller()) {
-    return {f_.controller == "none" ? "no_controller" : "controller",
-            "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
+    return Cause{f_.controller == "none" ? "no_controller" : "controller",
+                 "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
   }
-  if (const auto cause = begin_of_run()) return *cause;
-  if (const auto cause = credit_cap()) return *cause;
-  if (const auto cause = device(least_share)) return *cause;
+  if (auto cause = begin_of_run(loss)) return cause;
+  if (auto cause = credit_cap()) return cause;
+  if (auto cause = device(loss / kAftermath)) return cause;
+  if (is_coarse() || is_held() || std::isfinite(f_.solve_rate_hz)) return std::nullopt;
+  return rate_and_mode();
+}
+
+Cause Causes::of_loss(double loss) const {
+  const LossPlace place = place_of_loss();
+  if (const auto cause = of_run(loss / kAftermath)) return *cause;
+  if (place == LossPlace::kDisturbed) {
+    if (const auto cause = disturbed_ticks(loss)) return *cause;
+  }
+  if (const auto cause = settings(loss)) return *cause;
+  if (place == LossPlace::kUnknown) {
+    if (const auto cause = disturbed_ticks(loss)) return *cause;
+  }
+  if (const auto cause = old_news(loss)) return *cause;
+  if (const auto cause = deadband()) return *cause;
   if (const auto cause = physics()) return *cause;
   if (!f_.is_session_known) return {"unknown", "the session cannot be read here, only its figures"};
-  if (!f_.is_local && !f_.waits_for_physics) {
+  if (is_held()) {
     return {"interaction_held", "forces arrive a round trip late: set mofc.interaction=local"};
   }
-  if (f_.device_rate_hz < kUsualRate_hz) {
-    return {"device_rate", fmt::format("{:g} ticks a second: raise device.rate_hz, or make the "
-                                       "tissue softer or more damped",
-                                       f_.device_rate_hz)};
-  }
-  if (const auto cause = controller_settings()) return *cause;
+  if (const auto cause = rate_and_mode()) return *cause;
   return {"tissue_stiff",
           "the requested force creates energy that the device's friction cannot absorb: softer "
           "tissue, another damping of it, or a higher device.rate_hz"};

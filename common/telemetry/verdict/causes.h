@@ -3,6 +3,7 @@
 // that the session simulates, or of what the session asks for.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
@@ -39,7 +40,9 @@ class Causes {
                                            double least_share = 0.0) const;
   /// What the session simulates there, if it disturbs enough of the run.
   /// @param loss  share of the run, or of the contact, that is to be explained
-  [[nodiscard]] std::optional<Cause> simulated(SimulatedAt place, double loss) const;
+  /// @param least_delay_s  of a delay, what nobody notices
+  [[nodiscard]] std::optional<Cause> simulated(SimulatedAt place, double loss,
+                                               double least_delay_s = 0.0) const;
   /// The controller is not MOFC: a net behind it changes nothing about who asks for the force.
   [[nodiscard]] bool is_other_controller() const {
     return !f_.controller.empty() && !f_.controller.starts_with("mofc");
@@ -54,17 +57,36 @@ class Causes {
   [[nodiscard]] Cause of_no_contact() const;
   /// The machine has fewer processors than the session has sides.
   [[nodiscard]] std::optional<Cause> few_processors() const;
-  /// Why a force that physics asks for is not passive, or not true.
+  /// Why a force that physics asks for is not passive, or not true. A disturbance is the cause only
+  /// if the loss lies in the ticks that it touched; what the session sets is asked before one of
+  /// which that is not known.
   /// @param loss  share of the contact that is lost: what took far less of the run is not its cause
   [[nodiscard]] Cause of_loss(double loss) const;
 
  private:
   [[nodiscard]] std::optional<Cause> stopped_process() const;
   [[nodiscard]] std::optional<Cause> paused_clamp() const;
-  [[nodiscard]] std::optional<Cause> disturbance(double least_share) const;
-  [[nodiscard]] std::optional<Cause> simulated_disturbance(double loss) const;
-  [[nodiscard]] std::optional<Cause> begin_of_run() const;
+  /// Where the clamp took force.
+  enum class LossPlace : std::uint8_t {
+    kUnknown,    ///< or it took little
+    kDisturbed,  ///< in ticks that something disturbed, and soon after
+    kElsewhere,  ///< as often where nothing was disturbed
+  };
+  [[nodiscard]] LossPlace place_of_loss() const;
+  /// The force ages with the news of the physics: local models of described tissue do not.
+  [[nodiscard]] bool needs_news() const {
+    return !f_.is_local || f_.is_foreign_physics || std::isfinite(f_.solve_rate_hz);
+  }
+  [[nodiscard]] bool is_coarse() const { return f_.physics_rate_hz < f_.device_rate_hz; }
+  [[nodiscard]] bool is_held() const { return !f_.is_local && !f_.waits_for_physics; }
+  [[nodiscard]] std::optional<Cause> of_run(double least_share) const;
+  [[nodiscard]] std::optional<Cause> disturbed_ticks(double loss) const;
+  [[nodiscard]] std::optional<Cause> old_news(double loss) const;
+  [[nodiscard]] std::optional<Cause> settings(double loss) const;
+  [[nodiscard]] std::optional<Cause> begin_of_run(double loss) const;
   [[nodiscard]] std::optional<Cause> device(double least_share) const;
+  [[nodiscard]] std::optional<Cause> deadband() const;
+  [[nodiscard]] std::optional<Cause> rate_and_mode() const;
   [[nodiscard]] std::optional<Cause> credit_cap() const;
   [[nodiscard]] std::optional<Cause> no_friction() const;
   [[nodiscard]] std::optional<Cause> physics() const;

@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <optional>
 #include <utility>
 
 #include "common/telemetry/verdict/causes.h"
 #include "common/telemetry/verdict/fault_remedy.h"
+#include "common/telemetry/verdict/remedies.h"
 
 namespace palpate {
 namespace {
@@ -28,7 +30,8 @@ class Judge {
  public:
   explicit Judge(const RunFacts& facts) : f_(facts) {}
   std::vector<RunFinding> findings() {
-    if (!f_.device_node.is_heard) {
+    tell_what_is_left_out();
+    if (!f_.device_node.is_heard && f_.device_node.is_recorded) {
       add({Grade::kBad, "device_silent", "no telemetry of device_node was received",
            keys_remedy("see its messages; `palpate doctor SESSION` checks the machine")});
       return std::move(findings_);
@@ -84,14 +87,27 @@ class Judge {
         refused);
   }
 
+  /// What cannot be known is not judged.
+  void tell_what_is_left_out() {
+    const std::string nodes = nodes_left_out(f_);
+    if (nodes.empty()) return;
+    good("left_out", "the recording leaves out " + nodes + ": not judged");
+  }
+
   [[nodiscard]] bool has_physics_spoken() const {
     return f_.mofc.interaction.accepted + f_.mofc.standby_interaction.accepted > 0;
   }
 
-  /// Of a clamp that lies because the session wants it to.
+  /// Of what is as it is because the session wants it so.
+  [[nodiscard]] std::string simulated_remedy(std::initializer_list<SimulatedAt> places,
+                                             std::string otherwise) const {
+    for (const SimulatedAt place : places) {
+      if (auto cause = causes_.simulated(place, 1.0)) return std::move(cause->remedy);
+    }
+    return otherwise;
+  }
   [[nodiscard]] std::string remedy_of_lie(std::string otherwise) const {
-    auto lie = causes_.simulated(SimulatedAt::kClamp, 0.0);
-    return lie ? std::move(lie->remedy) : std::move(otherwise);
+    return simulated_remedy({SimulatedAt::kClamp}, std::move(otherwise));
   }
 
   [[nodiscard]] bool has_fault() const {
@@ -118,9 +134,10 @@ class Judge {
       text += fmt::format("; no force in {} of the ticks{}",
                           percent(ratio(device.fault_ticks, ticks())),
                           is_latched ? ", latched at the end" : ", reset since");
-      const bool is_jump = device.last_fault == FaultReason::kPositionJumped && is_path_too_fast();
+      const bool is_jump =
+          device.last_fault == FaultReason::kPositionJumped && is_path_too_fast(f_);
       add({Grade::kBad, "device_fault", text,
-           is_jump ? path_remedy() : remedy_of(device.last_fault)});
+           is_jump ? path_remedy(f_) : remedy_of(device.last_fault)});
     }
     if (device.is_release_unconfirmed) {
       add({Grade::kBad, "release_unconfirmed", "the device did not confirm its release",
@@ -213,9 +230,11 @@ class Judge {
     if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && !has_fault() &&
         !causes_.found({"device_not_enabled", "dead_man_button", "position_frozen"})) {
       add({Grade::kBad, "mofc_silent", "mofc_node never answered device_node in time",
-           keys_remedy(f_.mofc_node.is_heard ? "both run; run `palpate doctor`, check "
-                                               "links.exchange, device.rate_hz, reply_us"
-                                             : "it was not heard: see its messages")});
+           simulated_remedy(
+               {SimulatedAt::kExchange, SimulatedAt::kClamp, SimulatedAt::kDevice},
+               keys_remedy(f_.mofc_node.is_heard ? "both run; run `palpate doctor`, check "
+                                                   "links.exchange, device.rate_hz, reply_us"
+                                                 : "it was not heard: see its messages"))});
     }
     if (f_.device.non_finite_commands > 0) {
       add({Grade::kBad, "command_not_finite",
@@ -246,7 +265,10 @@ class Judge {
     // what waits for the physics asks for its steps
     const double late = ratio(mofc.late_physics_ticks, mofc.ticks);
     const double missing = f_.waits_for_physics ? late : 1.0 - f_.physics_hz / f_.physics_rate_hz;
-    if (missing > 1.0 - kFairPhysicsRate_ratio) {
+    // after a fault the device asks for no more steps
+    const bool is_asked =
+        !f_.waits_for_physics || ratio(f_.device.fault_ticks, ticks()) < kFairRatio;
+    if (is_asked && missing > 1.0 - kFairPhysicsRate_ratio) {
       add(missing > 1.0 - kBadPhysicsRate_ratio ? Grade::kBad : Grade::kFair, "physics_slow",
           f_.waits_for_physics
               ? "physics answered too late in " + percent(late) + " of the ticks"
@@ -273,24 +295,15 @@ class Judge {
     }
   }
 
-  [[nodiscard]] bool is_path_too_fast() const { return f_.path_m_per_s > f_.v_max_m_per_s; }
-  [[nodiscard]] std::string path_remedy() const {
-    return fmt::format("the recorded path {} at {:.3f} s: smooth it there",
-                       std::isfinite(f_.path_m_per_s)
-                           ? fmt::format("moves at {:.3g} m/s", f_.path_m_per_s)
-                           : std::string("jumps from its end to its beginning"),
-                       f_.path_at_s);
-  }
-
   void judge_hand() {
     const std::uint64_t too_fast = std::max(f_.mofc.too_fast_ticks, f_.device.too_fast_readings);
     if (too_fast == 0) return;
     const double share = ratio(too_fast, ticks());
-    if (is_path_too_fast()) {
+    if (is_path_too_fast(f_)) {
       add({share >= kBadTooFast_ratio ? Grade::kBad : Grade::kFair, "path_jumps",
            fmt::format("the recorded hand was faster than v_max, {:g} m/s, in {} ticks",
                        f_.v_max_m_per_s, too_fast),
-           path_remedy(), share});
+           path_remedy(f_), share});
       return;
     }
     if (auto coarse = causes_.found({"encoder_coarse"})) {
@@ -307,20 +320,6 @@ class Judge {
          "move more slowly, or raise mofc.guard_settings.v_max_m_per_s", share});
   }
 
-  /// Where the clamp grants, or counts on, more than the device has seen.
-  [[nodiscard]] std::string disagreement_remedy() const {
-    const double friction = f_.device.checked_friction_ratio;
-    if (!f_.is_limited) {
-      return "the controller `" + f_.controller +
-             "` does not limit itself; use mofc, or mofc.safety_net=true";
-    }
-    if (friction > 0.0 && friction < 1.0) {
-      return fmt::format("the device has {} of the friction of its profile: `palpate identify`",
-                         percent(friction));
-    }
-    return "the clamp and the device disagree: check device.profile (`palpate identify`)";
-  }
-
   void judge_ledger() {
     const std::uint64_t excesses = f_.device.ledger_excesses;
     if (excesses == 0) return;
@@ -328,7 +327,7 @@ class Judge {
          fmt::format(
              "the clamp counted on more energy than the hand can have put in, in {} answers",
              excesses),
-         remedy_of_lie(disagreement_remedy()), ratio(excesses, ticks())});
+         remedy_of_lie(disagreement_remedy(f_)), ratio(excesses, ticks())});
   }
 
   void judge_monitor() {
@@ -337,7 +336,7 @@ class Judge {
     const double share = ratio(device.monitor_reductions, ticks());
     add({share >= kFairRatio ? Grade::kBad : Grade::kFair, "monitor_reduced",
          fmt::format("the monitor on the device reduced {} commands", device.monitor_reductions),
-         remedy_of_lie(disagreement_remedy()), share});
+         remedy_of_lie(disagreement_remedy(f_)), share});
   }
 
   void judge_ticks() {
@@ -383,6 +382,7 @@ class Judge {
 
   void judge_contact() {
     const MofcCounters& mofc = f_.mofc;
+    if (!f_.mofc_node.is_recorded) return;
     if (ticks() > 0 && mofc.contact_ticks == 0) {
       const std::uint64_t touched = f_.true_contact_ticks;
       add(Grade::kBad, "no_contact",
@@ -410,7 +410,7 @@ class Judge {
     if (f_.force_ratio == 0.0) {
       add({Grade::kBad, "force_ratio", "the hand felt nothing: device.workspace.force_ratio is 0",
            "give 1, or the share of the force that the hand is to feel"});
-    } else if (f_.maximum_force_newton == 0.0 && !has_fault() &&
+    } else if (f_.maximum_force_newton == 0.0 && f_.device_node.is_recorded && !has_fault() &&
                !causes_.found({"device_not_enabled", "dead_man_button", "mofc_silent"})) {
       add(Grade::kBad, "no_force", "the tool touched tissue, and no force was rendered",
           causes_.of_loss(1.0));

@@ -24,7 +24,8 @@ double share_of(const std::vector<FaultWindow>& windows, double run_s) {
 
 class Sum {
  public:
-  Sum(double period_s, double run_s) : period_s_(period_s), run_s_(run_s) {}
+  Sum(double period_s, double run_s, double least_delay_s)
+      : period_s_(period_s), run_s_(run_s), least_delay_s_(least_delay_s) {}
 
   void add(const char* field, bool is_set, double share) {
     if (!is_set) return;
@@ -32,9 +33,10 @@ class Sum {
     sum_.share = std::min(1.0, sum_.share + share);
   }
   void add(const char* field, const LinkFaults& link) {
+    const double delay_s = std::max(0.0, to_seconds(link.delay + link.jitter) - least_delay_s_);
     add(field, link.any(),
         link.loss_ratio + link.burst_ratio * link.burst_length + link.reorder_ratio +
-            to_seconds(link.delay + link.jitter) / period_s_ + share_of(link.windows, run_s_));
+            delay_s / period_s_ + share_of(link.windows, run_s_));
   }
   void add(const char* field, const DeviceFaults& device) {
     add(field, !device.skips.empty() || device.late_ratio > 0.0 || device.late_switch_ratio > 0.0,
@@ -46,14 +48,16 @@ class Sum {
  private:
   double period_s_;
   double run_s_;
+  double least_delay_s_;
   SimulatedDisturbance sum_;
 };
 
 }  // namespace
 
 SimulatedDisturbance simulated_at(SimulatedAt place, const FaultsConfig& faults,
-                                  const AdversaryConfig& adversary, double period_s, double run_s) {
-  Sum sum(period_s, run_s);
+                                  const AdversaryConfig& adversary, double period_s, double run_s,
+                                  double least_delay_s) {
+  Sum sum(period_s, run_s, least_delay_s);
   switch (place) {
     case SimulatedAt::kExchange:
       sum.add("faults.device_state", faults.device_state);
@@ -62,6 +66,8 @@ SimulatedDisturbance simulated_at(SimulatedAt place, const FaultsConfig& faults,
     case SimulatedAt::kPhysics:
       sum.add("faults.tool_motion", faults.tool_motion);
       sum.add("faults.interaction", faults.interaction);
+      [[fallthrough]];
+    case SimulatedAt::kHostile:
       sum.add("adversary.physics", adversary.physics != HostilePhysics::kHonest, 1.0);
       break;
     case SimulatedAt::kStandby:

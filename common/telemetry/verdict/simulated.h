@@ -13,6 +13,7 @@ namespace palpate {
 enum class SimulatedAt : std::uint8_t {
   kExchange,  ///< hops 1 and 4
   kPhysics,   ///< hops 2 and 3, and a hostile physics
+  kHostile,   ///< of these the physics alone
   kStandby,   ///< hops 2 and 3 of physics.standby
   kDevice,    ///< ticks and switches of device_node
   kClamp,     ///< a clamp that lies
@@ -25,10 +26,11 @@ struct SimulatedDisturbance {
   double share = 0.0;
 };
 
-/// @param period_s  of the device
-/// @param run_s     length of the run
+/// @param period_s       of the device
+/// @param run_s          length of the run
+/// @param least_delay_s  of a delay, what nobody notices
 [[nodiscard]] SimulatedDisturbance simulated_at(SimulatedAt place, const FaultsConfig& faults,
                                                 const AdversaryConfig& adversary, double period_s,
-                                                double run_s);
+                                                double run_s, double least_delay_s = 0.0);
 
 }  // namespace palpate

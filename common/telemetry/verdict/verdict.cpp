@@ -28,6 +28,9 @@ RunFacts facts_of(const Session& session, const Side& side) {
   facts.physics_rate_hz = session.physics.rate_hz;
   facts.force_ratio = side.device.workspace.force_ratio;
   facts.credit_cap_joule = side.mofc.guard.credit_cap_joule;
+  facts.is_foreign_physics = !session.physics_command.empty();
+  facts.interaction_deadband = session.physics.interaction_deadband;
+  facts.motion_deadband = side.mofc.motion_deadband;
   facts.sides = session.sides.size();
   facts.v_max_m_per_s = side.device.monitor.v_max_m_per_s;
   for (const TissueConfig& tissue : session.scene.tissues) {

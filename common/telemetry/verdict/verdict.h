@@ -44,7 +44,10 @@ struct RunFacts {
   double position_resolution_m = kNaN;  ///< q of the profile
   double latency_s = 0.0;               ///< device.latency_us
   double start_ramp_s = 0.0;
-  double force_ratio = 1.0;        ///< device.workspace.force_ratio
+  double force_ratio = 1.0;         ///< device.workspace.force_ratio
+  bool is_foreign_physics = false;  ///< physics.command
+  std::optional<InteractionDeadband> interaction_deadband{};
+  std::optional<MotionDeadband> motion_deadband{};
   double credit_cap_joule = kNaN;  ///< mofc.guard_settings.credit_cap_joule
   double solve_rate_hz = kNaN;     ///< lowest of the elastic tissues; NaN: there is none
   double v_max_m_per_s = std::numeric_limits<double>::infinity();
@@ -57,6 +60,7 @@ struct RunFacts {
 
   // the nodes
   struct Node {
+    bool is_recorded = true;  ///< false: a recording from which its telemetry was left out
     bool is_heard = true;
     std::uint64_t restarts = 0;
     std::uint64_t peers_refused = 0;

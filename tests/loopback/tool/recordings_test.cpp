@@ -112,6 +112,19 @@ TEST_F(RecordingTools, OnlyTheChosenTopicsAreCopied) {
   EXPECT_FALSE(std::filesystem::exists(path("x.mcap")));
 }
 
+// what cannot be known is not judged
+TEST_F(RecordingTools, APartWithSomeTopicsIsJudgedByThem) {
+  for (const char* topics : {"/device", "/mofc", "/physics", "/device,/physics"}) {
+    ASSERT_EQ(
+        palpate({"cut", path("run.mcap"), path("few.mcap"), "--overwrite", "--topics", topics})
+            .status,
+        0);
+    const json verdict = info("few.mcap")["figures"]["verdict"];
+    EXPECT_NE(verdict["grade"], "bad") << topics << verdict.dump(1);
+    EXPECT_EQ(verdict["findings"][0]["what"], "left_out") << topics;
+  }
+}
+
 TEST_F(RecordingTools, TwoPartsTogetherAreTheWhole) {
   ASSERT_EQ(palpate({"cut", path("run.mcap"), path("a.mcap"), "--to", "1.5"}).status, 0);
   ASSERT_EQ(palpate({"cut", path("run.mcap"), path("b.mcap"), "--from", "1.2"}).status, 0);

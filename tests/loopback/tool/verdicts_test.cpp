@@ -22,6 +22,7 @@
 #include "viewer_node/live/channels.h"
 #include "viewer_node/live/health.h"
 #include "viewer_node/recording/recording.h"
+#include "viewer_node/recording/recording_copy.h"
 #include "viewer_node/recording/report.h"
 
 namespace palpate {
@@ -138,9 +139,8 @@ struct Recorded {
   json verdict;
   std::string report;
 };
-Recorded by_recording(const TroubledRun& run, const std::vector<TelemetryMessage>& messages) {
-  const test::TempFolder folder;
-  const std::string file = (folder.path() / "run.mcap").string();
+void record(const TroubledRun& run, const std::vector<TelemetryMessage>& messages,
+            const std::string& file) {
   ZmqContext context;
   const SteadyClock clock;
   TelemetrySubscriber subscriber(context, clock,
@@ -158,6 +158,11 @@ Recorded by_recording(const TroubledRun& run, const std::vector<TelemetryMessage
         message);
   }
   recording.close();
+}
+Recorded by_recording(const TroubledRun& run, const std::vector<TelemetryMessage>& messages) {
+  const test::TempFolder folder;
+  const std::string file = (folder.path() / "run.mcap").string();
+  record(run, messages, file);
   std::vector<std::unique_ptr<RecordingFile>> files;
   files.push_back(std::make_unique<RecordingFile>(file));
   json verdict = json::parse(info_json(*files.front()).dump())["figures"]["verdict"];
@@ -214,6 +219,60 @@ TEST(VerdictMatrix, EveryTroubleHasTheSameCauseWhereverItIsTold) {
     if (one.is_of_lockstep && one.is_of_real_time && !one.cause.empty()) ++causes;
   }
   EXPECT_GE(causes, 20u) << "in all of them";
+}
+
+/// Restarts of the three nodes that the verdict on a recording counts.
+std::vector<std::uint64_t> restarts_in(const std::string& file) {
+  RecordingFile recording(file);
+  RecordedRun run;
+  read_run(recording, run);
+  const RunFacts facts = facts_of(recording, run);
+  return {facts.device_node.restarts, facts.mofc_node.restarts, facts.physics_node.restarts};
+}
+
+// a copy of a run is the same run, another one that was appended is not
+TEST(VerdictOfCopies, CountTheRestartsOfTheRun) {
+  const test::TempFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  VerdictCase one;
+  one.trouble = [](TroubledRun& run) {
+    run.is_device_restarted = run.is_mofc_restarted = run.is_physics_restarted = true;
+  };
+  const TroubledRun run = run_of(one);
+  record(run, telemetry_of(run), path("run.mcap"));
+  const auto copy = [&](const std::vector<std::string>& inputs, CopyOptions options) {
+    std::vector<std::unique_ptr<McapReader>> sources;
+    for (const std::string& input : inputs) {
+      sources.push_back(std::make_unique<McapReader>(path(input.c_str())));
+    }
+    copy_recordings(sources, options);
+  };
+  const std::vector<std::uint64_t> once{1, 1, 1};
+  ASSERT_EQ(restarts_in(path("run.mcap")), once);
+  copy({"run.mcap"}, {.command = "cut", .file = path("cut.mcap")});
+  copy({"run.mcap"}, {.command = "recover", .file = path("whole.mcap"), .is_recovery = true});
+  copy({"cut.mcap", "whole.mcap"}, {.command = "merge", .file = path("both.mcap")});
+  for (const char* file : {"cut.mcap", "whole.mcap", "both.mcap"}) {
+    EXPECT_EQ(restarts_in(path(file)), once) << file;
+    EXPECT_THAT(seams_of(McapReader(path(file))), testing::IsEmpty()) << file;
+  }
+
+  TroubledRun other = run;
+  other.is_device_restarted = other.is_mofc_restarted = other.is_physics_restarted = false;
+  std::vector<TelemetryMessage> messages = telemetry_of(other);
+  for (TelemetryMessage& message : messages) {
+    std::visit([](auto& batch) { batch.header.session_id += 100; }, message);
+    if (auto* mofc = std::get_if<MofcBatch>(&message)) {
+      for (MofcTick& tick : mofc->records) tick.device_session_id += 100;
+    }
+  }
+  record(other, messages, path("other.mcap"));
+  copy({"run.mcap", "other.mcap"},
+       {.command = "merge", .file = path("row.mcap"), .is_sequence = true});
+  EXPECT_EQ(restarts_in(path("row.mcap")), once);
+  ASSERT_EQ(seams_of(McapReader(path("row.mcap"))).size(), 1u);
+  copy({"row.mcap"}, {.command = "recover", .file = path("row2.mcap"), .is_recovery = true});
+  EXPECT_EQ(restarts_in(path("row2.mcap")), once) << "a copy keeps the seam";
 }
 
 }  // namespace

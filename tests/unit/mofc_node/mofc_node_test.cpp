@@ -63,7 +63,7 @@ class MofcNodeTest : public testing::Test {
     state.value.is_clutched = is_clutched_;
     state.value.monitor_energy_joule = monitor_energy_joule_;
     if (sequence_ > 0) {
-      state.value.applied[0] = {echoed_newton_, clock_.now() - 1ms, clock_.now(), position_m_,
+      state.value.applied[0] = {echoed_newton_, clock_.now() - lost_for_, clock_.now(), position_m_,
                                 true};
       state.value.applied_count = 1;
     }
@@ -107,6 +107,7 @@ class MofcNodeTest : public testing::Test {
   Vector3 position_m_ = Vector3::Zero();
   Vector3 echoed_newton_ = Vector3::Zero();
   bool is_clutched_ = false;
+  Duration lost_for_ = 1ms;  // since the newest reading with an answer
   double monitor_energy_joule_ = std::numeric_limits<double>::infinity();
 };
 
@@ -181,6 +182,39 @@ TEST_F(MofcNodeTest, FadesToZeroAfterSilence) {
     tick();
   }
   EXPECT_EQ(records_.ticks.back().commanded_force_on_hand_newton.z(), 2.0);
+}
+
+// silent physics, and 0.1 s after it; a tick of the device that is missing, and so long after it
+TEST_F(MofcNodeTest, CountsContactNearADisturbance) {
+  tick();
+  const auto run = [&](int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      clock_.advance(1ms);
+      physics_sends({0, 0, 2});
+      tick();
+    }
+  };
+  run(50);
+  EXPECT_EQ(node_.counters().contact_ticks, 50u);
+  EXPECT_EQ(node_.counters().disturbed_contact_ticks, 0u);
+  for (int i = 0; i < 20; ++i) {  // silent, and stale after 6 ms
+    clock_.advance(1ms);
+    tick();
+  }
+  EXPECT_GT(node_.counters().stale_ticks, 0u);
+  const std::uint64_t silent = node_.counters().disturbed_contact_ticks;
+  EXPECT_GT(silent, 10u);
+  run(300);
+  const std::uint64_t after = node_.counters().disturbed_contact_ticks;
+  EXPECT_GE(after, silent + 100);
+  EXPECT_LE(after, silent + 160);  // the force grows again for 50 ms
+  lost_for_ = 2ms;                 // what acted since the last answer
+  clock_.advance(1ms);
+  tick();
+  lost_for_ = 1ms;
+  run(200);
+  EXPECT_EQ(node_.counters().disturbed_contact_ticks, after + 101);
+  EXPECT_EQ(node_.counters().disturbed_clamped_ticks, 0u);
 }
 
 // physics that repeats its answer to an old motion counts as silent

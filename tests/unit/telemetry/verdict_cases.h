@@ -146,9 +146,9 @@ inline std::vector<VerdictCase> verdict_cases() {
        "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
        {"mofc.guard_settings.credit_cap_joule=1e-4"}},
-      {"a noisy velocity and a simulated fault",
-       "simulated_exchange",
-       "faults.force_command",
+      {"a noisy velocity and a simulated fault that touches no tick",
+       "velocity_estimator",
+       "kalman",
        "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
        {"mofc.velocity_estimator={difference {}}", "faults.force_command.delay_ms=0.2"}},
@@ -405,7 +405,87 @@ inline std::vector<VerdictCase> verdict_cases() {
        "faults.tool_motion",
        "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"mofc.interaction=held", "faults.tool_motion.delay_ms=40"}},
+      {"a simulated delay that local models bridge",
+       "tissue_stiff",
+       "softer",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
        {"faults.tool_motion.delay_ms=40"}},
+      {"a mode that holds back, while the physics is silent and not",
+       "mode",
+       "mofc.mode=guard",
+       "bad",
+       [](TroubledRun& run) {
+         run.mofc.stale_ticks = 900;
+         run.mofc.clamped_ticks = 3'000;
+         run.mofc.disturbed_contact_ticks = 600;
+         run.mofc.disturbed_clamped_ticks = 400;
+       },
+       {"mofc.mode=paper"}},
+      {"a mode that holds back, and a loss where the physics is silent",
+       "physics_silent",
+       "physics_node",
+       "bad",
+       [](TroubledRun& run) {
+         run.mofc.stale_ticks = 1'900;
+         run.mofc.clamped_ticks = 2'000;
+         run.mofc.disturbed_contact_ticks = 2'000;
+         run.mofc.disturbed_clamped_ticks = 1'900;
+       },
+       {"mofc.mode=paper"}},
+      {"a late device, and a physics that made fewer steps",
+       "device_latency",
+       "2.0 ms old",
+       "bad",
+       [](TroubledRun& run) {
+         run.physics_steps = 7'330;
+         run.mofc.clamped_ticks = 4'600;
+       },
+       {"device.latency_us=2000"}},
+      {"held forces of a physics that made fewer steps",
+       "physics_slow",
+       "733 of 1,000",
+       "bad",
+       [](TroubledRun& run) {
+         run.physics_steps = 7'330;
+         run.mofc.clamped_ticks = 2'000;
+       },
+       {"mofc.interaction=held"}},
+      {"forces that wait until they are far off",
+       "deadband",
+       "interaction_deadband",
+       "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; },
+       {"mofc.interaction=held", "physics.interaction_deadband={ratio: 0.6 floor_newton: 0.5}"}},
+      {"a clamp that a simulated loss keeps from answering",
+       "mofc_silent",
+       "faults.force_command",
+       "bad",
+       [](TroubledRun& run) { unanswered(run, 10'000); },
+       {"faults.force_command.loss_ratio=1"}},
+      {"a fault, after which no physics is asked",
+       "device_fault",
+       "encoders",
+       "bad",
+       [](TroubledRun& run) {
+         run.device.device_faults = 1;
+         run.device.last_fault = FaultReason::kPositionJumped;
+         run.device.phase = DevicePhase::kFaulted;
+         run.device.fault_ticks = 9'900;
+         unanswered(run, 9'900);
+         run.mofc.ticks = run.mofc.late_physics_ticks = 100;
+         run.mofc.contact_ticks = 0;
+       },
+       {"mofc.interaction=held", "device.rate_hz=100", "mofc.wait_for_physics_ms=5"}},
+      {"a physics that is silent after a late start of the clamp", "physics_silent",
+       "log of physics_node", "bad",
+       [](TroubledRun& run) {
+         started_late(run, 2'000);
+         run.device.answered_ticks -= 1;
+         run.device.limp_ticks += 1;
+         run.mofc.stale_ticks = 1'200;
+       }},
       {"tissue too stiff for the device", "tissue_stiff", "softer", "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; }},
       {"a few late answers, and tissue too stiff for the device", "tissue_stiff", "softer", "bad",
@@ -525,7 +605,16 @@ inline std::vector<VerdictCase> verdict_cases() {
          run.mofc.clamped_ticks = 3'000;
          run.physics.is_started_in_contact = true;
        },
-       {"device.start_ramp_ms=1000"}},
+       {"device.start_ramp_ms=2000"}},
+      {"a tool that begins in tissue, with the usual ramp",
+       "started_in_contact",
+       "begin outside",
+       "bad",
+       [](TroubledRun& run) {
+         run.mofc.contact_ticks = run.mofc.clamped_ticks = 1'000;
+         run.physics.is_started_in_contact = true;
+       },
+       {"device.start_ramp_ms=100"}},
       {"a long ramp in the air",
        "tissue_stiff",
        "softer",
@@ -574,7 +663,7 @@ inline std::vector<VerdictCase> verdict_cases() {
          run.mofc.standby_ticks = 5'000;
          run.mofc.clamped_ticks = 3'000;
        },
-       {"physics.standby={}", "faults.standby_interaction.delay_ms=40"}},
+       {"mofc.interaction=held", "physics.standby={}", "faults.standby_interaction.delay_ms=40"}},
       {"a bound as large as the force", "tissue_stiff", "of its solution", "bad",
        [](TroubledRun& run) { run.physics.elastic_bound_newton = 0.5; }},
       {"a force whose error nothing bounds", "tissue_stiff", "40 % of the contact", "fair",

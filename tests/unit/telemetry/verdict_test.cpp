@@ -119,28 +119,40 @@ TEST(Verdict, OfTooFewProcessorsDoesNotBlameSceneOrOtherPrograms) {
   EXPECT_THAT(words_of(many), HasSubstr("stop other programs"));
 }
 
-TEST(Verdict, BlamesASimulatedFaultBeforeWhatTheSessionSets) {
-  std::vector<std::string> settings{"faults.device.skip={from_s: 1 until_s: 2}",
-                                    "faults.device.late_ratio=0.1",
-                                    "faults.device={late_switch_ratio: 0.1 late_switch_us: 300}",
-                                    "adversary.physics=push_along",
-                                    "adversary.clamp=drift",
-                                    "adversary.tick_jitter_ratio=0.5",
-                                    "adversary.late_tick_ratio=0.1"};
-  for (const char* link : {"device_state", "force_command", "tool_motion", "interaction"}) {
-    for (const char* fault : {"delay_ms=1", "jitter_ms=1", "loss_ratio=0.1", "burst_ratio=0.1",
-                              "outage={from_s: 1 until_s: 2}", "stall={from_s: 1 until_s: 2}",
-                              "freeze={from_s: 1 until_s: 2}"}) {
-      settings.push_back(std::string("faults.") + link + "." + fault);
+// of the ticks, or of the news where a force is held
+TEST(Verdict, BlamesASimulatedFaultThatDisturbedWhatIsLost) {
+  const auto cause_with = [](const std::vector<std::string>& settings, std::uint64_t disturbed) {
+    VerdictCase one;
+    one.trouble = [&](TroubledRun& run) {
+      run.mofc.clamped_ticks = 2'000;
+      run.mofc.disturbed_contact_ticks = disturbed;
+      run.mofc.disturbed_clamped_ticks = std::min<std::uint64_t>(disturbed, 1'900);
+    };
+    one.settings = settings;
+    return cause_of(judge(lockstep_facts(run_of(one))));
+  };
+  for (const char* setting :
+       {"adversary.physics=push_along", "adversary.clamp=drift", "adversary.tick_jitter_ratio=0.5",
+        "adversary.late_tick_ratio=0.1", "faults.device.skip={from_s: 1 until_s: 2}",
+        "faults.device.late_ratio=0.1",
+        "faults.device={late_switch_ratio: 0.1 late_switch_us: 300}",
+        "faults.device_state.loss_ratio=0.1", "faults.force_command.burst_ratio=0.1",
+        "faults.force_command.outage={from_s: 1 until_s: 2}"}) {
+    EXPECT_THAT(cause_with({"mofc.mode=paper", setting}, 2'100), HasSubstr("simulated_"))
+        << setting;
+    if (std::string(setting).starts_with("faults.")) {
+      EXPECT_EQ(cause_with({"mofc.mode=paper", setting}, 0), "mode") << setting;
     }
   }
-  for (const std::string& setting : settings) {
-    VerdictCase one;
-    one.trouble = [](TroubledRun& run) { run.mofc.clamped_ticks = 2'000; };
-    one.settings = {"mofc.velocity_estimator={difference {}}", setting};
-    const std::vector<RunFinding> findings = judge(lockstep_facts(run_of(one)));
-    EXPECT_THAT(cause_of(findings), HasSubstr("simulated_")) << setting << words_of(findings);
+  for (const char* fault : {"delay_ms=3", "loss_ratio=0.6", "burst_ratio=0.5"}) {
+    for (const std::string link : {"faults.tool_motion.", "faults.interaction."}) {
+      EXPECT_EQ(cause_with({"mofc.interaction=held", link + fault}, 0), "simulated_physics");
+      EXPECT_EQ(cause_with({"mofc.mode=paper", link + fault}, 0), "mode") << fault;
+      EXPECT_EQ(cause_with({link + fault}, 0), "tissue_stiff") << fault;
+    }
   }
+  EXPECT_EQ(cause_with({"mofc.interaction=held", "faults.interaction.delay_ms=1"}, 0),
+            "interaction_held");
 }
 
 // what is lost, late or false now and then explains no loss of a third of the contact
@@ -265,6 +277,25 @@ TEST(Verdict, OfAClampThatWasStoppedDoesNotBlameThePhysics) {
   EXPECT_EQ(cause_of(judge(facts)), "mofc_paused") << words_of(judge(facts));
   facts.mofc.stale_ticks = 3'000;
   EXPECT_EQ(cause_of(judge(facts)), "physics_silent") << words_of(judge(facts));
+}
+
+// as in a part of a recording that holds some topics
+TEST(Verdict, OfWhatIsNotRecordedJudgesNothing) {
+  for (const bool has_device : {false, true}) {
+    RunFacts facts = lockstep_facts(TroubledRun{});
+    facts.maximum_force_newton = has_device ? 1.0 : 0.0;
+    if (!has_device) facts.device = {};
+    facts.device_node.is_recorded = facts.device_node.is_heard = has_device;
+    facts.mofc_node.is_recorded = facts.mofc_node.is_heard = !has_device;
+    facts.physics_node.is_recorded = facts.physics_node.is_heard = false;
+    if (has_device) facts.mofc = {};
+    EXPECT_EQ(grade_of(judge(facts)), Grade::kGood) << words_of(judge(facts));
+    EXPECT_THAT(words_of(judge(facts)),
+                HasSubstr(has_device ? "leaves out mofc_node, physics_node"
+                                     : "leaves out device_node, physics_node"));
+    facts.mofc.clamped_ticks = 4'000;
+    EXPECT_EQ(grade_of(judge(facts)), has_device ? Grade::kGood : Grade::kBad);
+  }
 }
 
 // launch counts its starts, a recording cannot

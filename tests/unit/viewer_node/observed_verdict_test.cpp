@@ -88,12 +88,12 @@ TEST(ObservedVerdict, OfAReplayNamesTheRestartsOfTheRun) {
     mirror.take(physics_batch(0, 0, 9), now);
   }
   RunFacts facts = facts_of(RunFacts{}, mirror, {});
-  leave_out_runs(facts, mirror);
+  leave_out_runs(facts, 0);
   EXPECT_EQ(facts.device_node.restarts, 1u);
   EXPECT_EQ(facts.mofc_node.restarts, 0u);
 }
 
-// in a recording of several runs
+// in a recording of several runs; where it is one, all three nodes were restarted
 TEST(ObservedVerdict, NamesNoRestartWhereAnotherRunBegan) {
   TelemetryMirror mirror;
   for (std::uint64_t run = 0; run < 2; ++run) {
@@ -103,7 +103,10 @@ TEST(ObservedVerdict, NamesNoRestartWhereAnotherRunBegan) {
   }
   mirror.take(physics_batch(0, 0, 9, kPhysicsSession + 2), time_of_tick(10));
   RunFacts facts = facts_of(RunFacts{}, mirror, {});
-  leave_out_runs(facts, mirror);
+  const RunFacts one_run = facts;
+  EXPECT_EQ(one_run.device_node.restarts, 1u);
+  EXPECT_EQ(one_run.mofc_node.restarts, 1u);
+  leave_out_runs(facts, 1);
   EXPECT_EQ(facts.device_node.restarts, 0u);
   EXPECT_EQ(facts.mofc_node.restarts, 0u);
   EXPECT_EQ(facts.physics_node.restarts, 1u);
@@ -118,6 +121,42 @@ TEST(RunFigures, MeasureHowLongThePhysicsStoodStill) {
   figures.add(later);
   EXPECT_EQ(figures.physics_gap, std::chrono::milliseconds(1401));
   EXPECT_NEAR(figures.physics_busy_ratio(), 0.003 * 1999 / 3399, 1e-9);
+}
+
+// as it wakes, the link may be full of what the stopped process could not send
+TEST(RunFigures, MeasureItWhereTelemetryOfThatTimeIsLost) {
+  RunFigures figures;
+  figures.add(physics_batch(0, 0, 999));
+  PhysicsBatch later = physics_batch(2, 1015, 1999);
+  figures.add(later);
+  EXPECT_NEAR(to_seconds(figures.physics_gap), 1e-3, 1e-9);  // 15 steps, each in time
+  later = physics_batch(4, 2015, 2999);
+  for (PhysicsTick& tick : later.records) tick.stepped_at += std::chrono::milliseconds(1300);
+  figures.add(later);
+  EXPECT_NEAR(to_seconds(figures.physics_gap), 1.301, 1e-6);
+}
+
+// of what happened before a viewer, or a recording, began in the middle of a run
+TEST(RunFigures, OfALateBeginCountOnlyWhatWasSeen) {
+  RunFigures figures;
+  DeviceBatch device = device_batch(400, 4000, 4099);
+  device.counters.loop.skipped_ticks = 700;
+  figures.add(device);
+  MofcBatch mofc = mofc_batch(400, 4000, 4099);
+  mofc.counters.contact_ticks = 3000;
+  mofc.counters.clamped_ticks = 2900;
+  figures.add(mofc);
+  device = device_batch(401, 4100, 4199);
+  device.counters.loop.skipped_ticks = 703;
+  figures.add(device);
+  EXPECT_EQ(figures.device.loop.ticks, 200u);
+  EXPECT_EQ(figures.device.loop.skipped_ticks, 3u);
+  EXPECT_EQ(figures.device.answered_ticks, 200u);
+  EXPECT_EQ(figures.mofc.contact_ticks, 100u);
+  EXPECT_EQ(figures.mofc.clamped_ticks, 0u);
+  // a node that is restarted is seen from its start, though its first batches may be lost
+  figures.add(device_batch(70, 700, 799, kDeviceSession + 1));
+  EXPECT_EQ(figures.device.loop.ticks, 1000u);
 }
 
 TEST(RunFigures, CountTheAnswersToAClutchedHand) {
