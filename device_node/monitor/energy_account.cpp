@@ -8,9 +8,12 @@
 namespace palpate::device {
 namespace {
 
-// As many resolutions of motion as close a window, and of path as close a span.
+// As many resolutions of motion as close a window, and of path as L remembers.
 constexpr double kWindowResolutions = 16.0;
-constexpr double kSpanResolutions = 256.0;
+constexpr double kRecentResolutions = 16.0;
+
+// A step of the encoder is the width of the play, up to rounding.
+constexpr double kAtTheEdge = 1.0 - 1e-6;
 
 /// More than the rounding error of the few operations of one sum, relative to its largest term.
 constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
@@ -44,17 +47,18 @@ EnergyAccount::EnergyAccount(const DeviceProfile& profile, double v_skew_m_per_s
 void EnergyAccount::restart(const Vector3& position_m, double joule) noexcept {
   carried_joule_ = joule;
   work_joule_ = 0.0;
+  has_worked_ = false;
   last_force_newton_.setZero();
-  force_change_newton_ = 0.0;
+  held_newton_.setZero();
+  held_change_newton_ = 0.0;
   skewed_joule_ = 0.0;
   next_skew_s_ = std::max(skew_s_, next_skew_s_);
   finish_reading();
-  position_m_ = position_m;
+  position_m_ = play_m_ = position_m;
+  recent_path_m_.setZero();
   for (std::size_t i = 0; i < used_; ++i) {
-    Path& path = paths_[i];
-    path.closed_spans_m = path.closed_windows_m = path.closed_viscous_joule = 0.0;
-    begin_span(path);
-    begin_window(path);
+    paths_[i].closed_viscous_joule = 0.0;
+    begin_window(paths_[i]);
   }
 }
 
@@ -72,10 +76,8 @@ void EnergyAccount::finish_reading() noexcept {
 void EnergyAccount::book(double duration_s, const Vector3& force_on_hand_newton,
                          const Vector3& position_at_end_m) noexcept {
   change_force(force_on_hand_newton);
-  const Vector3 moved = position_at_end_m - position_m_;
-  work_joule_ -= force_on_hand_newton.dot(moved);
-  work_joule_ -=
-      kUlps * (std::abs(work_joule_) + force_on_hand_newton.cwiseAbs().dot(moved.cwiseAbs()));
+  hold(position_at_end_m);
+  count_work(position_at_end_m);
   follow(position_at_end_m, duration_s);
   if (turning_joule_ > 0.0) work_joule_ = below(work_joule_, -turning_joule_);
   finish_reading();
@@ -87,7 +89,11 @@ void EnergyAccount::book_release(const Release& release) noexcept {
   if (std::isfinite(release.v_max_m_per_s)) {
     const double released = least_release_joule(release);
     change_force(release.force_on_hand_newton);
-    last_force_newton_.setZero();  // no position was read where it ended
+    hold(release.position_at_end_m);
+    // no position was read where it ended, and its work is that of the release
+    last_force_newton_.setZero();
+    held_newton_ -= release.force_on_hand_newton;
+    count_work(release.position_at_end_m);
     follow(release.position_at_end_m, release.duration_s);
     carried_joule_ = below(carried_joule_, released);
     if (joule() >= least) return finish_reading();
@@ -129,11 +135,10 @@ double EnergyAccount::joule() const noexcept {
     magnitude += std::abs(term);
   };
   add(work_joule_);
-  add(-0.5 * resolution_m_ * (last_force_newton_.lpNorm<1>() + force_change_newton_));
+  add(-0.5 * resolution_m_ * (held_newton_.lpNorm<1>() + held_change_newton_));
   add(-(skewed_joule_ + v_skew_m_per_s_ * skew_s_ * last_force_newton_.norm()));
   for (std::size_t i = 0; i < used_; ++i) {
     const Path& path = paths_[i];
-    add(path.coulomb_newton * (path.closed_spans_m + span_m(path)));
     add(path.closed_viscous_joule + path.viscous_joule(window_moved_m()));
   }
   return sum - kUlps * magnitude;
@@ -141,48 +146,73 @@ double EnergyAccount::joule() const noexcept {
 
 void EnergyAccount::change_force(const Vector3& force_newton) noexcept {
   if (force_newton == last_force_newton_) return;
-  force_change_newton_ += (force_newton - last_force_newton_).lpNorm<1>();
-  force_change_newton_ *= 1.0 + kUlps;
+  has_worked_ = true;
   skewed_joule_ += v_skew_m_per_s_ * skew_s_ * (force_newton - last_force_newton_).norm();
   skewed_joule_ *= 1.0 + kUlps;
   last_force_newton_ = force_newton;
 }
 
-void EnergyAccount::follow(const Vector3& position_m, double duration_s) noexcept {
+/// Chooses G for the stretch that ends at this reading.
+void EnergyAccount::hold(const Vector3& position_m) noexcept {
   const double half_width = 0.5 * resolution_m_;
-  for (int i = 0; i < 3; ++i) {
-    const double held =
-        std::clamp(play_m_[i], position_m[i] - half_width, position_m[i] + half_width);
-    if (held != play_m_[i]) {
-      play_path_m_[i] = (play_path_m_[i] + std::abs(held - play_m_[i])) * (1.0 - kUlps);
+  const double kept_m = kRecentResolutions * resolution_m_;
+  const Vector3 moved = position_m - position_m_;
+  const Vector3 toward = position_m - play_m_;
+  const Vector3 held_before = held_newton_;
+  for (std::size_t p = 0; p < used_; ++p) {
+    const Path& path = paths_[p];
+    const int end = path.first + path.count;
+
+    // the way that is sure is new in L
+    Vector3 sure_m = Vector3::Zero();
+    for (int i = path.first; i < end; ++i) {
+      const double before = play_m_[i];
+      play_m_[i] = std::clamp(before, position_m[i] - half_width, position_m[i] + half_width);
+      sure_m[i] = std::abs(play_m_[i] - before);
     }
-    play_m_[i] = held;
+    const double new_m = sure_m.sum();
+    double squares = 0.0;
+    for (int i = path.first; i < end; ++i) {
+      double& recent_m = recent_path_m_[i];
+      if (new_m > 0.0) recent_m = recent_m * (kept_m / (kept_m + new_m)) + sure_m[i];
+      squares += recent_m * recent_m;
+    }
+    const double norm_m = std::sqrt(squares);
+
+    // against the hand where its reading goes on, else as before where friction can
+    for (int i = path.first; i < end; ++i) {
+      const double force = last_force_newton_[i];
+      const double share = norm_m > 0.0 ? recent_path_m_[i] / norm_m : 0.0;
+      const double most =
+          std::max(0.0, below(path.coulomb_newton * share, -kUlps * std::abs(force)));
+      const bool goes_on =
+          toward[i] * moved[i] > 0.0 && std::abs(toward[i]) >= kAtTheEdge * half_width;
+      held_newton_[i] = goes_on ? force - std::copysign(most, toward[i])
+                                : std::clamp(held_newton_[i], force - most, force + most);
+    }
   }
+  if (held_newton_ != held_before) {
+    held_change_newton_ += (held_newton_ - held_before).lpNorm<1>();
+    held_change_newton_ *= 1.0 + kUlps;
+  }
+}
+
+void EnergyAccount::count_work(const Vector3& position_m) noexcept {
+  const Vector3 moved = position_m - position_m_;
+  if (moved.isZero(0.0)) return;
+  work_joule_ -= held_newton_.dot(moved);
+  work_joule_ -= kUlps * (std::abs(work_joule_) + held_newton_.cwiseAbs().dot(moved.cwiseAbs()));
+}
+
+void EnergyAccount::follow(const Vector3& position_m, double duration_s) noexcept {
   position_m_ = position_m;
   for (std::size_t i = 0; i < used_; ++i) {
     Path& path = paths_[i];
     path.window_s = (path.window_s + duration_s) * (1.0 + kUlps);
-    const double span = span_m(path);
-    const bool ends_span = span >= kSpanResolutions * resolution_m_;
-    if (ends_span || path.norm_m(window_moved_m()) >= kWindowResolutions * resolution_m_) {
-      path.closed_windows_m =
-          (path.closed_windows_m + path.moved_m(window_moved_m())) * (1.0 - kUlps);
-      path.closed_viscous_joule =
-          (path.closed_viscous_joule + path.viscous_joule(window_moved_m())) * (1.0 - kUlps);
-      begin_window(path);
-    }
-    if (ends_span) {
-      path.closed_spans_m = (path.closed_spans_m + span) * (1.0 - kUlps);
-      path.closed_windows_m = 0.0;
-      begin_span(path);
-    }
-  }
-}
-
-void EnergyAccount::begin_span(const Path& path) noexcept {
-  for (int i = path.first; i < path.first + path.count; ++i) {
-    play_m_[i] = position_m_[i];
-    play_path_m_[i] = 0.0;
+    if (path.norm_m(window_moved_m()) < kWindowResolutions * resolution_m_) continue;
+    path.closed_viscous_joule =
+        (path.closed_viscous_joule + path.viscous_joule(window_moved_m())) * (1.0 - kUlps);
+    begin_window(path);
   }
 }
 
@@ -191,27 +221,13 @@ void EnergyAccount::begin_window(Path& path) noexcept {
   path.window_s = std::max(skew_s_, next_skew_s_);  // its first reading may be so much older
 }
 
-double EnergyAccount::span_m(const Path& path) const noexcept {
-  double squares = 0.0;
-  for (int i = path.first; i < path.first + path.count; ++i) {
-    const double length = std::max(0.0, below(play_path_m_[i], -0.5 * resolution_m_));
-    squares += length * length;
-  }
-  const double windows = path.closed_windows_m + path.moved_m(window_moved_m());
-  return std::max(windows, std::sqrt(squares)) * (1.0 - kUlps);
-}
-
 double EnergyAccount::Path::norm_m(const Vector3& moved_m) const noexcept {
   return count == 1 ? std::abs(moved_m[first]) : moved_m.norm();
 }
 
-double EnergyAccount::Path::moved_m(const Vector3& window_moved_m) const noexcept {
-  return std::max(0.0, below(norm_m(window_moved_m), -w_m));
-}
-
 double EnergyAccount::Path::viscous_joule(const Vector3& window_moved_m) const noexcept {
   if (!(window_s > 0.0)) return 0.0;
-  const double moved = moved_m(window_moved_m);
+  const double moved = std::max(0.0, below(norm_m(window_moved_m), -w_m));
   return viscous_newton_s_per_m * moved * moved / window_s;
 }
 

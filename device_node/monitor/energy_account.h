@@ -14,16 +14,17 @@ namespace palpate::device {
 /// M ≤ E(t) = ∫ (friction + rendered force, both resisting the hand)·v dt, from readings within
 /// ±q/2 per axis and from the forces that acted between them. F is the force on the hand.
 ///
-///   M = carried − Σ F·Δx̂ − (q/2) (|F(k−1)|₁ + |F(0)|₁ + Σ |ΔF|₁)
+///   M = carried − Σ G·Δx̂ − (q/2) (|G(k−1)|₁ + |G(0)|₁ + Σ |ΔG|₁)
 ///       − v (s(k)|F(k−1)| + s(0)|F(0)| + Σ s|ΔF|) − Σ turning₊
-///       + Σ over paths (f_co · length + f_d Σ (|Δx̂| − w)₊²/Δt)
+///       + Σ over paths f_d Σ (|Δx̂| − w)₊²/Δt
 ///
-/// One path in space with w = √3 q for isotropic friction, or one on each axis with w = q. The
-/// length is the sum over spans of the larger of Σ (|Δx̂| − w)₊ over windows and
-/// √(Σᵢ (Pᵢ − q/2)₊²), Pᵢ the path of the play operator of half-width q/2 on axis i. A reading
+/// G = F − h with |h| ≤ f_co: Coulomb friction dissipates at least h·d over any way d. Which h is
+/// free. Here, on axis i, |hᵢ| ≤ f_co Lᵢ/|L| with L the recent path: all of that, against the hand,
+/// in a step in which the reading goes on, and else what changes Gᵢ least. One path in space with
+/// w = √3 q for isotropic friction, or one on each axis with w = q; Δx̂ and Δt of windows. A reading
 /// and a switch that are s apart differ by up to v s, v the fastest hand, and Δt is s longer. All
-/// sums are rounded down. Lemmas: telescoping, skew, quantised_path, play_operator, play_axes. No
-/// allocation, no throw.
+/// sums are rounded down. Lemmas: telescoping, skew, held_friction, quantised_path. No allocation,
+/// no throw.
 class EnergyAccount {
  public:
   /// @param v_skew_m_per_s  v: finite
@@ -57,7 +58,7 @@ class EnergyAccount {
 
   [[nodiscard]] double joule() const noexcept;
   /// A force was booked since restart(), with the error that its work carries on.
-  [[nodiscard]] bool has_worked() const noexcept { return force_change_newton_ > 0.0; }
+  [[nodiscard]] bool has_worked() const noexcept { return has_worked_; }
   /// Last reading.
   [[nodiscard]] const Vector3& position_m() const noexcept { return position_m_; }
 
@@ -72,8 +73,10 @@ class EnergyAccount {
     if constexpr (Archive::kIsReading) archive.require(used_ <= paths_.size());
     archive(carried_joule_);
     archive(work_joule_);
+    archive(has_worked_);
     archive(last_force_newton_);
-    archive(force_change_newton_);
+    archive(held_newton_);
+    archive(held_change_newton_);
     archive(skewed_joule_);
     archive(skew_s_);
     archive(next_skew_s_);
@@ -81,7 +84,7 @@ class EnergyAccount {
     archive(position_m_);
     archive(window_start_m_);
     archive(play_m_);
-    archive(play_path_m_);
+    archive(recent_path_m_);
   }
 
  private:
@@ -93,8 +96,6 @@ class EnergyAccount {
     double coulomb_newton = 0.0;
     double w_m = 0.0;
 
-    double closed_spans_m = 0.0;
-    double closed_windows_m = 0.0;  // of the open span
     double closed_viscous_joule = 0.0;
     double window_s = 0.0;
 
@@ -105,8 +106,6 @@ class EnergyAccount {
       archive(viscous_newton_s_per_m);
       archive(coulomb_newton);
       archive(w_m);
-      archive(closed_spans_m);
-      archive(closed_windows_m);
       archive(closed_viscous_joule);
       archive(window_s);
       if constexpr (Archive::kIsReading) {
@@ -114,16 +113,15 @@ class EnergyAccount {
       }
     }
     [[nodiscard]] double norm_m(const Vector3& moved_m) const noexcept;
-    [[nodiscard]] double moved_m(const Vector3& window_moved_m) const noexcept;
     [[nodiscard]] double viscous_joule(const Vector3& window_moved_m) const noexcept;
   };
 
   void finish_reading() noexcept;
   void change_force(const Vector3& force_newton) noexcept;
+  void hold(const Vector3& position_m) noexcept;
+  void count_work(const Vector3& position_m) noexcept;
   void follow(const Vector3& position_m, double duration_s) noexcept;
-  void begin_span(const Path& path) noexcept;
   void begin_window(Path& path) noexcept;
-  [[nodiscard]] double span_m(const Path& path) const noexcept;
   [[nodiscard]] Vector3 window_moved_m() const noexcept { return position_m_ - window_start_m_; }
   [[nodiscard]] double least_release_joule(const Release& release) const noexcept;
 
@@ -134,17 +132,19 @@ class EnergyAccount {
   std::size_t used_;
 
   double carried_joule_ = 0.0;
-  double work_joule_ = 0.0;  // −Σ F·Δx̂
+  double work_joule_ = 0.0;  // −Σ G·Δx̂
+  bool has_worked_ = false;
   Vector3 last_force_newton_ = Vector3::Zero();
-  double force_change_newton_ = 0.0;  // |F(0)|₁ + Σ |ΔF|₁
-  double skewed_joule_ = 0.0;         // v (s(0)|F(0)| + Σ s|ΔF|)
-  double skew_s_ = 0.0;               // of the last reading
-  double next_skew_s_ = 0.0;          // of the next one
-  double turning_joule_ = 0.0;        // of the stretch up to it
+  Vector3 held_newton_ = Vector3::Zero();  // G(k−1)
+  double held_change_newton_ = 0.0;        // |G(0)|₁ + Σ |ΔG|₁
+  double skewed_joule_ = 0.0;              // v (s(0)|F(0)| + Σ s|ΔF|)
+  double skew_s_ = 0.0;                    // of the last reading
+  double next_skew_s_ = 0.0;               // of the next one
+  double turning_joule_ = 0.0;             // of the stretch up to it
   Vector3 position_m_ = Vector3::Zero();
   Vector3 window_start_m_ = Vector3::Zero();  // of each axis
-  Vector3 play_m_ = Vector3::Zero();          // outputs of the play operators
-  Vector3 play_path_m_ = Vector3::Zero();     // and their paths in the open span
+  Vector3 play_m_ = Vector3::Zero();          // outputs of play operators of half-width q/2
+  Vector3 recent_path_m_ = Vector3::Zero();   // L: theirs
 };
 
 }  // namespace palpate::device

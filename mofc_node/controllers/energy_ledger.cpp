@@ -13,8 +13,12 @@ namespace {
 // on a single axis 12 %.
 constexpr double kWindowResolutions = 16.0;
 
-// A span this many resolutions long loses at most √3/2 / 256 = 0.4 % to the play operators' start.
-constexpr double kSpanResolutions = 256.0;
+// The path of so many resolutions says in which direction friction acts. Shorter ones make its
+// force change more often, longer ones let it lag behind the hand.
+constexpr double kRecentResolutions = 16.0;
+
+// One step back of an encoder is as long as the play is wide, but for rounding.
+constexpr double kEdge = 1.0 - 1e-6;
 
 // More than the rounding error of a few operations, relative to their largest term. Sums are
 // lowered by it, so that rounding costs credit and never makes any.
@@ -27,18 +31,6 @@ double less_rounding(double a, double b) { return a - b - kRounding * (std::abs(
 double sum_from_below(double a, double b) { return (a + b) * (1.0 - kRounding); }
 
 }  // namespace
-
-void EnergyLedger::Play::follow(double x, double half_width) noexcept {
-  const double before = position_m;
-  if (x > position_m + half_width) {
-    position_m = x - half_width;
-  } else if (x < position_m - half_width) {
-    position_m = x + half_width;
-  }
-  if (position_m != before) {
-    path_m = sum_from_below(path_m, std::abs(position_m - before));
-  }
-}
 
 EnergyLedger::EnergyLedger(double f_d, double f_co, double q)
     : f_co_newton_(f_co), resolution_m_(q), counts_{Count(f_d, f_co, q, std::numbers::sqrt3 * q)} {}
@@ -144,18 +136,14 @@ double EnergyLedger::energy_joule() const noexcept {
 void EnergyLedger::Count::restart(const Vector3& position_m) noexcept {
   position_m_ = position_m;
   work_joule_ = 0.0;
-  last_force_newton_.setZero();
-  force_variation_newton_ = 0.0;
-  closed_spans_path_m_ = 0.0;
+  held_newton_.setZero();
+  variation_newton_ = 0.0;
+  play_m_ = position_m;
+  path_m_.setZero();
+  friction_joule_ = 0.0;
   closed_windows_viscous_joule_ = 0.0;
-  begin_span();
   begin_window();
   sum_up();
-}
-
-void EnergyLedger::Count::begin_span() noexcept {
-  for (std::size_t i = 0; i < 3; ++i) play_[i] = {position_m_[static_cast<int>(i)], 0.0};
-  closed_windows_path_m_ = 0.0;
 }
 
 void EnergyLedger::Count::begin_window() noexcept {
@@ -165,77 +153,87 @@ void EnergyLedger::Count::begin_window() noexcept {
 
 void EnergyLedger::Count::book(double duration_s, const Vector3& f,
                                const Vector3& position_at_end_m) noexcept {
-  change_force(f);
-  const Vector3 moved = position_at_end_m - position_m_;
-  work_joule_ += f.dot(moved);
-  work_joule_ -= kRounding * (std::abs(work_joule_) + f.cwiseAbs().dot(moved.cwiseAbs()));
+  hold(f, position_at_end_m);
+  work(held_newton_, position_at_end_m);
   move_to(position_at_end_m, duration_s);
 }
 
 void EnergyLedger::Count::book_release(double duration_s, const Vector3& f,
                                        const Vector3& position_at_end_m) noexcept {
-  change_force(f);
-  last_force_newton_.setZero();  // where no position was read: no error of one
+  hold(f, position_at_end_m);
+  held_newton_ -= f;  // where no position was read: no error of one
+  work(held_newton_, position_at_end_m);
   move_to(position_at_end_m, duration_s);
 }
 
-void EnergyLedger::Count::change_force(const Vector3& f) noexcept {
-  if (f != last_force_newton_) {
-    force_variation_newton_ += (f - last_force_newton_).lpNorm<1>();
-    force_variation_newton_ *= 1.0 + kRounding;
+void EnergyLedger::Count::hold(const Vector3& f, const Vector3& position_at_end_m) noexcept {
+  const Vector3 moved = position_at_end_m - position_m_;
+
+  // towards where, how far for sure, and which share of its recent path an axis has
+  const Vector3 toward = position_at_end_m - play_m_;
+  const Vector3 half_width = Vector3::Constant(0.5 * q_);
+  const Vector3 play_m =
+      play_m_.cwiseMax(position_at_end_m - half_width).cwiseMin(position_at_end_m + half_width);
+  const Vector3 sure_m = play_m - play_m_;
+  play_m_ = play_m;
+  const double length_m = sure_m.lpNorm<1>();
+  if (length_m > 0.0) {
+    const double recent_m = kRecentResolutions * q_;
+    path_m_ = path_m_ * (recent_m / (recent_m + length_m)) + sure_m.cwiseAbs();
   }
-  last_force_newton_ = f;
+  const double norm_m = path_m_.norm();
+
+  Vector3 held;
+  for (int i = 0; i < 3; ++i) {
+    const double share = norm_m > 0.0 ? path_m_[i] / norm_m : 0.0;
+    // less what rounds g
+    const double most_newton =
+        std::max(0.0, less_rounding(f_co_ * share, kRounding * std::abs(f[i])));
+    const bool goes_on = toward[i] * moved[i] > 0.0 && std::abs(toward[i]) >= kEdge * half_width[i];
+    held[i] = goes_on ? f[i] + std::copysign(most_newton, toward[i])
+                      : std::clamp(held_newton_[i], f[i] - most_newton, f[i] + most_newton);
+    friction_joule_ = sum_from_below(friction_joule_, most_newton * std::abs(sure_m[i]));
+  }
+  if (held != held_newton_) {
+    variation_newton_ += (held - held_newton_).lpNorm<1>();
+    variation_newton_ *= 1.0 + kRounding;
+  }
+  held_newton_ = held;
+}
+
+void EnergyLedger::Count::work(const Vector3& force_newton,
+                               const Vector3& position_at_end_m) noexcept {
+  const Vector3 moved = position_at_end_m - position_m_;
+  if (moved.isZero(0.0)) return;
+  work_joule_ += force_newton.dot(moved);
+  work_joule_ -=
+      kRounding * (std::abs(work_joule_) + force_newton.cwiseAbs().dot(moved.cwiseAbs()));
 }
 
 void EnergyLedger::Count::move_to(const Vector3& position_m, double duration_s) noexcept {
-  for (std::size_t i = 0; i < 3; ++i) {
-    play_[i].follow(position_m[static_cast<int>(i)], 0.5 * q_);
-  }
   position_m_ = position_m;
   window_s_ = (window_s_ + duration_s) * (1.0 + kRounding);
-  const double span_m = span_path_m();
-  const bool ends_span = span_m >= kSpanResolutions * q_ && window_s_ > 0.0;
-  if (ends_span ||
-      ((position_m_ - window_start_m_).norm() >= kWindowResolutions * q_ && window_s_ > 0.0)) {
-    closed_windows_path_m_ = sum_from_below(closed_windows_path_m_, window_path_m());
+  if ((position_m_ - window_start_m_).norm() >= kWindowResolutions * q_ && window_s_ > 0.0) {
     closed_windows_viscous_joule_ =
         sum_from_below(closed_windows_viscous_joule_, window_viscous_joule());
     begin_window();
   }
-  if (ends_span) {
-    closed_spans_path_m_ = sum_from_below(closed_spans_path_m_, span_m);
-    begin_span();
-  }
   sum_up();
-}
-
-double EnergyLedger::Count::window_path_m() const noexcept {
-  return std::max(0.0, less_rounding((position_m_ - window_start_m_).norm(), w_));
 }
 
 double EnergyLedger::Count::window_viscous_joule() const noexcept {
   if (!(window_s_ > 0.0)) return 0.0;
-  const double moved = window_path_m();
+  const double moved = std::max(0.0, less_rounding((position_m_ - window_start_m_).norm(), w_));
   return f_d_ * moved * moved / window_s_;
-}
-
-double EnergyLedger::Count::span_path_m() const noexcept {
-  double play_path2 = 0.0;
-  for (const Play& play : play_) {
-    const double path = std::max(0.0, less_rounding(play.path_m, 0.5 * q_));
-    play_path2 += path * path;
-  }
-  return std::max(sum_from_below(closed_windows_path_m_, window_path_m()),
-                  std::sqrt(play_path2) * (1.0 - kRounding));
 }
 
 /// Once for each booking: the sums are read more often.
 void EnergyLedger::Count::sum_up() noexcept {
-  dissipated_joule_ = f_co_ * (closed_spans_path_m_ + span_path_m()) +
-                      closed_windows_viscous_joule_ + window_viscous_joule();
-  const double quantisation = 0.5 * q_ * (last_force_newton_.lpNorm<1>() + force_variation_newton_);
-  energy_joule_ = work_joule_ - quantisation + dissipated_joule_ -
-                  kRounding * (std::abs(work_joule_) + quantisation + dissipated_joule_);
+  const double viscous = closed_windows_viscous_joule_ + window_viscous_joule();
+  dissipated_joule_ = friction_joule_ + viscous;
+  const double quantisation = 0.5 * q_ * (held_newton_.lpNorm<1>() + variation_newton_);
+  energy_joule_ = work_joule_ - quantisation + viscous -
+                  kRounding * (std::abs(work_joule_) + quantisation + viscous);
 }
 
 }  // namespace palpate::controllers

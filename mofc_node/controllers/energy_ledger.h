@@ -32,20 +32,19 @@ struct Release {
 /// count in 3-D, with w = √3 q; for friction per axis one count on each axis, with w = q, and their
 /// sum. A count is:
 ///
-///     work      Σ f·dh, less (q/2)(|f(k−1)|₁ + |f(0)|₁ + Σ|Δf|₁), |·|₁ the sum over the axes: the
-///               error of the sum telescopes
-///     Coulomb   f_co Σ max(L, √(Σᵢ (Pᵢ − q/2)₊²)) over spans of path, both at most the true path
-///               of the span: L = Σ (|Δh| − w)₊ over windows; Pᵢ the path of the play operator of
-///               half-width q/2 on axis i, which detects motion to and fro inside a window. The
-///               maximum is taken per span; otherwise an old lead of one estimate would mask new
-///               motion seen only by the other
-///     viscous   f_d (|Δh| − w)₊² / Δt over the same windows: a window closes when the hand
-///               has moved 16 q, so that slow motion at a high rate is not lost in the quantisation
+///     held      Σ g·dh, less (q/2)(|g(k−1)|₁ + |g(0)|₁ + Σ|Δg|₁), |·|₁ the sum over the axes: the
+///               error of the sum telescopes. g = f + h with |h| ≤ f_co, because over any way d
+///               friction dissipates at least h·d. On axis i |hᵢ| ≤ f_co Lᵢ/|L|, Lᵢ its recent
+///               path. While its reading goes on hᵢ resists with all of that; else gᵢ stays where
+///               it was as far as hᵢ can keep it, so that a force that trembles costs nothing
+///     viscous   f_d (|Δh| − w)₊² / Δt over windows: one closes when the hand has moved 16 q, so
+///     that
+///               slow motion at a high rate is not lost in the quantisation
 ///
 /// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
 /// vector form, or summed over the axes. E′ may dip below zero where the true energy does not.
 /// Sums are rounded towards less credit, by at most 1e-14 of their largest term in a step. Lemmas:
-/// telescoping, quantised_path, play_operator, play_axes. No allocation, no throw.
+/// telescoping, held_friction, quantised_path. No allocation, no throw.
 class EnergyLedger {
  public:
   /// Isotropic. @param f_d ≥ 0 [N·s/m]   @param f_co ≥ 0 [N]   @param q ≥ 0 [m]
@@ -88,16 +87,10 @@ class EnergyLedger {
   [[nodiscard]] double energy_joule() const noexcept;
   /// Measured, where the last booked interval ended.
   [[nodiscard]] const Vector3& hand_position_m() const noexcept { return position_m_; }
-  /// Dissipated by friction since the last restart() or book_unread(); part of energy_joule().
+  /// Dissipated by friction since the last restart() or book_unread(), on the paths that are sure.
   [[nodiscard]] double dissipated_joule() const noexcept;
 
  private:
-  struct Play {
-    double position_m = 0.0;  // output of the play operator
-    double path_m = 0.0;
-    void follow(double x, double half_width) noexcept;
-  };
-
   class Count {
    public:
     Count() = default;
@@ -111,13 +104,12 @@ class EnergyLedger {
     [[nodiscard]] double dissipated_joule() const noexcept { return dissipated_joule_; }
 
    private:
-    void sum_up() noexcept;
-    void change_force(const Vector3& f) noexcept;
+    /// Makes g that of the interval.
+    void hold(const Vector3& f, const Vector3& position_at_end_m) noexcept;
+    void work(const Vector3& force_newton, const Vector3& position_at_end_m) noexcept;
     void move_to(const Vector3& position_m, double duration_s) noexcept;
-    void begin_span() noexcept;    // at position_m_
     void begin_window() noexcept;  // at position_m_
-    [[nodiscard]] double span_path_m() const noexcept;
-    [[nodiscard]] double window_path_m() const noexcept;
+    void sum_up() noexcept;
     [[nodiscard]] double window_viscous_joule() const noexcept;
 
     double f_d_ = 0.0;
@@ -126,16 +118,17 @@ class EnergyLedger {
     double w_ = 0.0;  // a displacement's norm is within ±w of the measured one
 
     Vector3 position_m_ = Vector3::Zero();
-    double work_joule_ = 0.0;
-    Vector3 last_force_newton_ = Vector3::Zero();  // f(k−1)
-    double force_variation_newton_ = 0.0;          // |f(0)|₁ + Σ|Δf|₁
+    double work_joule_ = 0.0;                // Σ g·dh
+    Vector3 held_newton_ = Vector3::Zero();  // g(k−1)
+    double variation_newton_ = 0.0;          // |g(0)|₁ + Σ|Δg|₁
 
-    double closed_spans_path_m_ = 0.0;
-    std::array<Play, 3> play_{};          // of the open span
-    double closed_windows_path_m_ = 0.0;  // of the open span
-    double closed_windows_viscous_joule_ = 0.0;
+    Vector3 play_m_ = Vector3::Zero();  // output of a play operator of half-width q/2
+    Vector3 path_m_ = Vector3::Zero();  // L: of that output, the recent part
+    double friction_joule_ = 0.0;
+
     Vector3 window_start_m_ = Vector3::Zero();
     double window_s_ = 0.0;
+    double closed_windows_viscous_joule_ = 0.0;
 
     // of all that is booked
     double dissipated_joule_ = 0.0;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -154,7 +155,7 @@ TEST(LedgerLaws, TheNaiveSumExceedsTheTrueEnergyUnlessTheEncoderIsExact) {
   }
 }
 
-// Staircases too: the path of the play operators alone would see 1/√3 of one along (1, 1, 1).
+// Staircases too, whose axes move in turn.
 TEST(LedgerLaws, WithAnExactEncoderTheLedgerIsTheSumOfThePaper) {
   for (const std::uint64_t seed : seeds(50)) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
@@ -178,6 +179,68 @@ TEST(LedgerLaws, WithAnExactEncoderTheLedgerIsTheSumOfThePaper) {
   }
 }
 
+// A hand whose readings are whole counts is somewhere in its count. The least energy that it can
+// have put in is a line over the count, so at each reading it is at one end or the other: the least
+// over all such ways is what the ledger says.
+TEST(LedgerLaws, OnOneAxisNoLargerBoundHolds) {
+  for (const std::uint64_t seed : seeds(50)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const double q = std::ldexp(1.0, -12);
+    const double f_co = random.uniform(0.0, 0.5);
+    EnergyLedger ledger(0.0, f_co, q);
+    ledger.restart(Vector3::Zero());
+    double count = 0.0;
+    double force = 0.0;  // on the environment
+    std::array<double, 2> least_joule{};
+    for (int k = 0; k < 1000; ++k) {
+      const double before = count;
+      // a first step tells the ledger the axis
+      if (k == 0 || random.chance(0.4)) count += static_cast<double>(random.below(5)) - 2.0;
+      if (k == 0) count = 1.0;
+      if (random.chance(0.7)) force += random.uniform(-0.4, 0.4);
+      std::array<double, 2> next_joule{};
+      for (int to = 0; to < 2; ++to) {
+        double joule = std::numeric_limits<double>::infinity();
+        for (int from = 0; from < 2; ++from) {
+          const double moved = q * (count + to - before - from);
+          joule = std::min(joule, least_joule.at(static_cast<std::size_t>(from)) + force * moved +
+                                      f_co * std::abs(moved));
+        }
+        next_joule.at(static_cast<std::size_t>(to)) = joule;
+      }
+      least_joule = next_joule;
+      ledger.book(1e-3, {0.0, -force, 0.0}, {0.0, q * count, 0.0});
+      ASSERT_NEAR(ledger.energy_joule(), std::min(least_joule[0], least_joule[1]), 1e-12);
+    }
+  }
+}
+
+/// A hand presses 8 mm to and fro once a second for 10 s, read in counts of 0.3 mm, against 1 N,
+/// with a trembling force of ±`tremor_newton` on top. @return E′ at the end
+double earned_under_tremor_joule(double tremor_newton) {
+  const double q = 3e-4;
+  Random random(1);
+  EnergyLedger ledger(0.0, 0.1, q);
+  ledger.restart(Vector3::Zero());
+  for (int k = 1; k <= 10000; ++k) {
+    const double x = 8e-3 * std::sin(2.0 * std::numbers::pi * 1e-3 * k);
+    const double force = k < 10000 ? -1.0 + random.uniform(-tremor_newton, tremor_newton) : 0.0;
+    ledger.book(1e-3, {0.0, 0.0, force}, quantised({0.0, 0.0, x}, q));
+  }
+  return ledger.energy_joule();
+}
+
+// 0.32 m against 0.1 N dissipate 32 mJ. Counted apart from friction, changes within ±0.05 N would
+// cost (q/2)·33 mN a tick, 50 mJ, and those within ±0.1 N 100 mJ; so they cost once a count.
+TEST(LedgerLaws, AForceThatTremblesWithinFrictionCostsOnceACount) {
+  const double steady_joule = earned_under_tremor_joule(0.0);
+  EXPECT_GE(steady_joule, 28e-3);
+  EXPECT_LE(steady_joule, 32e-3);
+  EXPECT_GE(earned_under_tremor_joule(0.05), 18e-3);
+  EXPECT_GE(earned_under_tremor_joule(0.1), 6e-3);
+}
+
 /// The energy booked for 0.3 s straight down at 0.1 m/s, measured at 0.055 mm, after `before_s` on
 /// a circle.
 double earned_after_circling_joule(double before_s) {
@@ -198,9 +261,7 @@ double earned_after_circling_joule(double before_s) {
   return ledger.energy_joule() - before_joule;
 }
 
-// 30 mm at 0.1 m/s: 0.1·0.03 + 0.1·0.01·0.3 = 3.3 mJ truly. One estimate of the path of the circles
-// exceeds the other, by more the longer they last: if that lead were kept, it would mask the
-// stroke, which only the other estimate sees.
+// 30 mm at 0.1 m/s: 0.1·0.03 + 0.1·0.01·0.3 = 3.3 mJ truly, whatever was before.
 TEST(LedgerLaws, TheEnergyOfAMotionDoesNotDependOnHowLongTheHandMovedBefore) {
   const double least_joule = 0.9 * 3.3e-3;
   for (const double before_s : {0.0, 2.0, 14.0, 40.0, 600.0}) {
