@@ -31,15 +31,19 @@ ModelForce TissuePair::step(const std::array<const Interaction*, kPhysicsRoles>&
                             const Vector3& tool_position_world_m,
                             const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept {
   std::array<ModelForce, kPhysicsRoles> forces{};
-  for (std::size_t i = 0; i < kPhysicsRoles; ++i) {
+  work_ = 0;
+  const std::size_t used = index_of(in_use);
+  for (const std::size_t i : {used, 1 - used}) {
     if (!models_[i]) continue;
     if (newest[i] == nullptr) {
       models_[i]->reset();
     } else if (use_ == InteractionUse::kHeld) {
       forces[i] = held(*newest[i]);
     } else {
-      forces[i] = models_[i]->step(*newest[i], state, tool_position_world_m,
-                                   tool_velocity_world_m_per_s, dt_s);
+      forces[i] = models_[i]->step(
+          *newest[i], state, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
+          LocalTissues::kWorkPerStep - std::min(work_, LocalTissues::kWorkPerStep));
+      work_ += models_[i]->work();
     }
   }
   const auto& [first, standby] = forces;

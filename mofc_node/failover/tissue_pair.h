@@ -14,8 +14,9 @@
 namespace palpate::mofc {
 
 /// Evaluates the tissue of both physics with every DeviceState, so that the one that is not in use
-/// is ready: its store is filled, its proxies follow the tool. When the one in use changes, the
-/// share of the other grows by bound / |Δ| per step, as between two contact models, so that the
+/// is ready: its store is filled, its proxies follow the tool. Both share the work of a step
+/// (LocalTissues::kWorkPerStep): the one in use has its turn first. When the one in use changes,
+/// the share of the other grows by bound / |Δ| per step, as between two contact models, so that the
 /// change alone never moves the force by more than `handover_newton_per_s` · dt. No allocation, no
 /// throw.
 class TissuePair {
@@ -65,6 +66,9 @@ class TissuePair {
   [[nodiscard]] std::optional<TimePoint> scene_time(PhysicsRole receiver, PhysicsRole in_use,
                                                     TimePoint now) const noexcept;
 
+  /// Of the last step, for both physics; LocalTissues::work().
+  [[nodiscard]] std::uint32_t work() const noexcept { return work_; }
+
   /// Change of the force by the transition between the two in the last step [N]; at most the bound.
   [[nodiscard]] double last_step_newton() const noexcept { return last_step_newton_; }
 
@@ -74,6 +78,7 @@ class TissuePair {
   std::array<std::unique_ptr<TissueModel>, kPhysicsRoles> models_;
   double standby_share_ = 0.0;
   double last_step_newton_ = 0.0;
+  std::uint32_t work_ = 0;
 };
 
 }  // namespace palpate::mofc

@@ -25,8 +25,9 @@ void LocalTissues::reset() noexcept {
 void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
                         const Interaction& newest, const ToolPose& now,
                         const Vector3& tool_velocity_world_m_per_s,
-                        const std::array<double, kMaxDescribed>& shares) noexcept {
-  Budget left{.views = kViewsPerStep, .work = kWorkPerStep};
+                        const std::array<double, kMaxDescribed>& shares,
+                        std::uint32_t most_work) noexcept {
+  Budget left{.views = kViewsPerStep, .work = most_work};
   const auto step_if = [&](const auto& is_wanted) {
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
       if (!is_wanted(i)) continue;
@@ -55,8 +56,8 @@ LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Inter
   if (memory.version != tissue.version()) {
     memory = {.is_used = true, .version = tissue.version(), .force = memory.force};
   }
-  bool has_work = left.take(
-      tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m, false));
+  const Vector3 tip_m = now.tip_m - displacement(tissue.motion(), now.time_s).position_m;
+  bool has_work = left.work > 0 && left.take(tissue.prepare(tip_m, false));
   if (memory.shaft && has_work) {
     has_work = left.take(tissue.prepare(memory.shaft->proxy.point_m, true));
   }

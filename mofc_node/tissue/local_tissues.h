@@ -29,15 +29,15 @@ namespace palpate::mofc {
 ///
 /// A step of all tissues takes at most about 64 views of their surfaces, 28 for each beyond that,
 /// and 30 more for each shaft; a proxy that needs more goes on in the next step. Of tiles the views
-/// look at no more than kWorkPerStep together, whatever is described. Tissue that pushes the tool
+/// look at no more than `most_work` together, whatever is described. Tissue that pushes the tool
 /// has its turn first, then the rest, each in the order of the slots. A tissue for which nothing is
 /// left is not stepped: its result is invalid, with the force of its last step as long as that has
 /// a share. No allocation, no throw.
 class LocalTissues {
  public:
-  /// @see SurfaceHint; about 0.3 ms. A tip on an organ takes less than a
-  /// thirtieth of it, a shaft on an organ of 20,000 facets more than half.
-  static constexpr std::uint32_t kWorkPerStep = 100000;
+  /// @see SurfaceHint; about 0.2 ms. A tip on an organ takes less than a twentieth of it, a shaft
+  /// on an organ of 20,000 facets more than half.
+  static constexpr std::uint32_t kWorkPerStep = 60000;
 
   struct Result {
     bool is_stepped = false;
@@ -50,10 +50,12 @@ class LocalTissues {
   void reset() noexcept;
 
   /// @param now     its time is that of physics' clock
-  /// @param shares  of each tissue's result in the force now, 0 … 1
+  /// @param shares     of each tissue's result in the force now, 0 … 1
+  /// @param most_work  at most kWorkPerStep
   void step(std::array<DescribedTissue, kMaxDescribed>& tissues, const Interaction& newest,
             const ToolPose& now, const Vector3& tool_velocity_world_m_per_s,
-            const std::array<double, kMaxDescribed>& shares) noexcept;
+            const std::array<double, kMaxDescribed>& shares,
+            std::uint32_t most_work = kWorkPerStep) noexcept;
 
   [[nodiscard]] const std::array<Result, kMaxDescribed>& results() const noexcept {
     return results_;

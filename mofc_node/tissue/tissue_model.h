@@ -24,8 +24,8 @@ namespace palpate::mofc {
 /// contact models.
 ///
 /// A physics whose descriptions need more than LocalTissues::kWorkPerStep in a row of about 64
-/// steps costs too much: the contact models take over, then its store is dropped, and none is
-/// offered to it until it is restarted. No allocation, no throw.
+/// steps that offer so much costs too much: the contact models take over, then its store is
+/// dropped, and none is offered to it until it is restarted. No allocation, no throw.
 class TissueModel {
  public:
   /// @param has_store   false: contact models only
@@ -62,9 +62,13 @@ class TissueModel {
   /// @param newest  answers this device session
   /// @param dt_s    ≥ 0, since the step before
   /// @param tool_position_world_m  estimated at that state, as is the velocity
+  /// @param most_work  at most LocalTissues::kWorkPerStep
   [[nodiscard]] ModelForce step(const Interaction& newest, const DeviceState& state,
                                 const Vector3& tool_position_world_m,
-                                const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
+                                const Vector3& tool_velocity_world_m_per_s, double dt_s,
+                                std::uint32_t most_work = LocalTissues::kWorkPerStep) noexcept;
+  /// Of the last step.
+  [[nodiscard]] std::uint32_t work() const noexcept { return local_.work(); }
 
  private:
   void note_cost(std::uint64_t physics_session_id) noexcept;

@@ -6,9 +6,9 @@
 #include <ctime>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
-#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,7 +16,7 @@
 #include "common/core/random.h"
 #include "common/link/codec/codec.h"
 #include "common/telemetry/quantile.h"
-#include "mofc_node/tissue/tissue_model.h"
+#include "mofc_node/failover/tissue_pair.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/hostile/costly_descriptions.h"
 
@@ -79,7 +79,7 @@ double processor_time_us() {
 std::vector<double> tick_times_us(const Genes& genes, std::size_t physics, std::size_t ticks,
                                   std::uint64_t seed) {
   Random random(seed);
-  std::vector<std::unique_ptr<mofc::TissueModel>> models;
+  mofc::TissuePair pair(InteractionUse::kLocal, physics > 1, kHandover_newton_per_s, 1);
   Codec<Interaction> codec;
   std::vector<std::byte> frame(kMaxFrameBytes<Interaction>);
   DeviceState state;
@@ -95,14 +95,16 @@ std::vector<double> tick_times_us(const Genes& genes, std::size_t physics, std::
     return true;
   };
   std::vector<Interaction> last(physics);
+  std::array<const Interaction*, kPhysicsRoles> newest{};
   for (std::size_t i = 0; i < physics; ++i) {
-    models.push_back(std::make_unique<mofc::TissueModel>(true, kHandover_newton_per_s, 1));
-    test::CostlyPhysics rogue = test::costly_physics(genes, models[i]->receipts().store_id, random);
+    const auto role = static_cast<PhysicsRole>(i);
+    test::CostlyPhysics rogue = test::costly_physics(genes, pair.receipts(role).store_id, random);
     for (const Interaction& message : rogue.messages) {
-      if (passes(message)) models[i]->receive(received, state);
+      if (passes(message)) pair.receive(role, received, state);
     }
     if (passes(rogue.last)) last[i] = received;
-    models[i]->receive(last[i], state);
+    pair.receive(role, last[i], state);
+    newest[i] = &last[i];
   }
   std::vector<double> times_us;
   for (std::size_t tick = 0; tick < ticks; ++tick) {
@@ -113,9 +115,7 @@ std::vector<double> tick_times_us(const Genes& genes, std::size_t physics, std::
     state.header.sequence = tick + 1;
     state.header.sampled_at = TimePoint{} + from_seconds(t_s);
     const double from_us = processor_time_us();
-    for (std::size_t i = 0; i < physics; ++i) {
-      (void)models[i]->step(last[i], state, tip_m, Vector3::Zero(), 1e-3);
-    }
+    (void)pair.step(newest, PhysicsRole::kFirst, state, tip_m, Vector3::Zero(), 1e-3);
     times_us.push_back(processor_time_us() - from_us);
   }
   return times_us;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "common/core/random.h"
+#include "mofc_node/failover/tissue_pair.h"
 #include "mofc_node/tissue/tissue_model.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/hostile/costly_descriptions.h"
@@ -306,6 +307,43 @@ TEST_F(BudgetOfAModel, OfAPhysicsThatIsGoneIsFree) {
   const std::uint64_t dropped_id = model_.receipts().store_id;
   model_.drop();
   EXPECT_EQ(model_.receipts().store_id, dropped_id);
+}
+
+// Two physics share it, the one in use first: whatever the other describes, that keeps its force,
+// and the other is not judged by what it was not offered.
+TEST_F(BudgetOfAModel, IsSharedByTwoPhysicsTheOneInUseFirst) {
+  for (const PhysicsRole in_use : {PhysicsRole::kFirst, PhysicsRole::kStandby}) {
+    const PhysicsRole other =
+        in_use == PhysicsRole::kFirst ? PhysicsRole::kStandby : PhysicsRole::kFirst;
+    TissuePair pair(InteractionUse::kLocal, true, kRate_newton_per_s, 1);
+    Interaction honest = floor();
+    honest.surface.store_id = pair.receipts(in_use).store_id;
+    pair.receive(in_use, honest, state_);
+    Random random(3);
+    const CostlyGenes genes{.tissues = 1, .tiles = kTileSlots - 1, .spread_m = 1e-5};
+    const CostlyPhysics costly = test::costly_physics(genes, pair.receipts(other).store_id, random);
+    for (const Interaction& message : costly.messages) pair.receive(other, message, state_);
+    pair.receive(other, costly.last, state_);
+    std::array<const Interaction*, kPhysicsRoles> newest{};
+    newest[index_of(in_use)] = &honest;
+    newest[index_of(other)] = &costly.last;
+    const auto step = [&](PhysicsRole used) {
+      state_.header.session_id = 1;
+      state_.header.sequence += 1;
+      state_.header.sampled_at += std::chrono::milliseconds(1);
+      return pair.step(newest, used, state_, tip_m_, Vector3::Zero(), 1e-3).force_on_tool_newton;
+    };
+    for (int i = 0; i < 300; ++i) {
+      step(in_use);
+      ASSERT_LE(pair.work(), LocalTissues::kWorkPerStep + kOvershoot);
+    }
+    EXPECT_NEAR(step(in_use).z(), 0.5 * kTip_m * kStiffness, 1e-9);
+    EXPECT_FALSE(pair.costs_too_much(in_use));
+    EXPECT_FALSE(pair.costs_too_much(other));
+    // in use it is offered everything
+    for (int i = 0; i < 300; ++i) step(other);
+    EXPECT_TRUE(pair.costs_too_much(other));
+  }
 }
 
 }  // namespace
