@@ -197,5 +197,40 @@ scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 0 damping_
   EXPECT_GE(ticks.transparency(), statistics.ideal_transparency() + 0.01);
 }
 
+// --- devices that are slow or coarse
+// --------------------------------------------------------------
+
+struct Poor {
+  const char* name;
+  const char* session;
+  std::vector<std::string> overrides;
+  double transparency;
+  std::uint64_t excess_reversals;
+};
+void PrintTo(const Poor& poor, std::ostream* out) { *out << poor.name; }
+
+const std::vector<std::string> kCoarse{"device.simulated.position_resolution_m=3e-4",
+                                       "device.profile.position_resolution_m=3e-4"};
+
+class PoorDevices : public testing::TestWithParam<Poor> {};
+
+TEST_P(PoorDevices, RenderWhatTheirCreditCovers) {
+  const Poor& poor = GetParam();
+  const Session session = load_session(
+      std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions" / poor.session, poor.overrides);
+  const RunStatistics run = run_loopback(session, {.seconds = 10.0}).statistics;
+  EXPECT_GE(run.ideal_transparency(), poor.transparency);
+  EXPECT_LE(run.excess_reversals(), poor.excess_reversals);
+  EXPECT_GE(run.minimum_true_energy_joule(), -1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Device, PoorDevices,
+    testing::Values(Poor{"coarse", "default.txtpb", kCoarse, 0.98, 0},
+                    Poor{"at_50_hz", "default.txtpb", {"device.rate_hz=50"}, 0.6, 2},
+                    Poor{"at_50_hz_liver", "liver.txtpb", {"device.rate_hz=50"}, 0.6, 2},
+                    Poor{"at_50_hz_cloud", "cloud.txtpb", {"device.rate_hz=50"}, 0.6, 2}),
+    [](const auto& info) { return std::string(info.param.name); });
+
 }  // namespace
 }  // namespace palpate
