@@ -41,8 +41,8 @@ Made vector(const Settings& s) {
 
 GuardParameters guard_parameters(const Settings& s) {
   const MofcParameters p = leased(s);
-  // what one hold of the largest force can leak: at low rates more than the gate's own, and twice
-  // the cap's
+  // what one hold of the largest force can leak: at low rates more than the gate's own, and four
+  // times the cap's
   const double hold_joule = p.T * drain_watt(p, s.peak_force_newton, s.v_max_m_per_s);
   return {.mofc = p,
           .per_axis = s.per_axis,
@@ -50,7 +50,7 @@ GuardParameters guard_parameters(const Settings& s) {
           .delta_max_s = s.delta_max_s,
           .longest_lease_s = s.longest_lease_s,
           .v_max_m_per_s = s.v_max_m_per_s,
-          .credit_cap_joule = std::max(s.credit_cap_joule, 0.5 * hold_joule),
+          .credit_cap_joule = std::max(s.credit_cap_joule, 0.25 * hold_joule),
           .contact_credit_joule = hold_joule > s.credit_cap_joule ? hold_joule : 0.0,
           .gate_joule = std::max(s.gate_joule, hold_joule),
           .gate_recovery_s = s.gate_recovery_s};

@@ -32,7 +32,7 @@ struct ControllerSettings {
 
   // guard, and the safety net: GuardParameters
   double v_max_m_per_s = 0.5;      ///< > 0: fastest the hand can be
-  double credit_cap_joule = 5e-3;  ///< S_cap > 0; raised to half of that below
+  double credit_cap_joule = 5e-3;  ///< S_cap > 0; raised to a quarter of that below
   double gate_joule = 10e-3;       ///< S_g > 0; raised to what one hold of the peak force leaks
   double gate_recovery_s = 0.5;    ///< t_rec > 0
   // virtual coupling: VirtualCouplingParameters
