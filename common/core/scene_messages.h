@@ -45,6 +45,12 @@ struct TissueSurface {
   double damping_newton_s_per_m = 0.0;               ///< b; 0 if the material has none
 };
 
+/// A box with the axes of W.
+struct ReachBox {
+  Vector3 center_m = Vector3::Zero();
+  Vector3 half_extent_m = Vector3::Zero();  ///< each > 0
+};
+
 /// Hop 5: the description of the scene for viewers. Sent on every subscription and every change.
 struct SceneState {
   Header header;               ///< physics_node's
@@ -62,6 +68,7 @@ struct SceneState {
   std::vector<TissueSurface> tissues;
   std::optional<PointerConfig> pointer;  ///< empty: HandTarget is not accepted
   bool accepts_changes = false;          ///< of tissues: TissueChange
+  std::optional<ReachBox> reach{};       ///< of the tool; empty: unknown, or a clutch moves it
 };
 
 /// Hop 5: deformed vertices of one tissue, and the displacement of the whole tissue.

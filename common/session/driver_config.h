@@ -5,11 +5,14 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <type_traits>
 #include <variant>
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "common/session/simulation_config.h"
 
 namespace palpate {
 
@@ -107,6 +110,22 @@ using DriverConfig =
 /// Whether the driver is one of a real device.
 [[nodiscard]] inline bool is_real(const DriverConfig& driver) {
   return !std::holds_alternative<std::monostate>(driver);
+}
+
+/// Half the workspace of the device, D; nothing where the driver alone knows it.
+[[nodiscard]] inline std::optional<Vector3> workspace_half_extent_m(const DriverConfig& driver) {
+  return std::visit(
+      [](const auto& config) -> std::optional<Vector3> {
+        using Config = std::decay_t<decltype(config)>;
+        if constexpr (std::is_same_v<Config, std::monostate>) {
+          return kSimulatedHalfExtent_m;
+        } else if constexpr (std::is_same_v<Config, PluginConfig>) {
+          return std::nullopt;
+        } else {
+          return config.workspace_half_extent_m;
+        }
+      },
+      driver);
 }
 
 }  // namespace palpate

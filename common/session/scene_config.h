@@ -50,6 +50,11 @@ struct ElasticMaterial {
     double poisson_ratio = 0.0;
     double density_kg_per_m3 = 0.0;
   };
+  /// What gives way where the body is held, such as a ligament: springs on its surface.
+  struct Attached {
+    RegionGeometry where{};  ///< faces whose centroid lies there
+    double stiffness_pa_per_m = 0.0;
+  };
   /// One spring and dashpot in series of the relaxing part of the modulus (Prony).
   struct Branch {
     double share = 0.0;  ///< of the modulus at once, in (0, 1)
@@ -68,6 +73,7 @@ struct ElasticMaterial {
   Vector3 gravity_m_per_s2 = Vector3::Zero();
   Vector3 scan_gravity_m_per_s2 = Vector3::Zero();  ///< under which the mesh has its shape
   std::vector<RegionGeometry> fixed{};              ///< nodes in any of these are held
+  std::vector<Attached> attached{};                 ///< outside `fixed`
   std::vector<Part> parts{};  ///< the last one that contains an element's centroid counts
   double solve_rate_hz = 50.0;
   bool is_linear = false;  ///< elements as in the file; else made quadratic

@@ -14,6 +14,9 @@
 
 namespace palpate {
 
+/// Half the workspace of the simulated device, D.
+inline const Vector3 kSimulatedHalfExtent_m{0.08, 0.06, 0.035};
+
 /// True values of a simulated device; the controller sees only the profile.
 struct SimulatedDeviceConfig {
   double mass_kg = 0.045;

@@ -63,6 +63,9 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
       reports.push_back(session.scene.tissues[body->tissue].name + ": " +
                         physics::mesh_report(*body));
       const auto& tissue = session.scene.tissues[body->tissue];
+      for (const std::string& idle : body->idle_places) {
+        warnings.push_back("tissue \"" + tissue.name + "\": " + idle);
+      }
       for (const std::string& line : material_lines(std::get<ElasticMaterial>(tissue.material))) {
         reports.push_back("  " + line);
       }

@@ -10,7 +10,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceConfig& device, const Hand
                                  const Clock& clock, std::uint64_t seed, HandGoals* goals)
     : config_(device),
       specification_{.model_name = "simulated",
-                     .workspace_half_extent_m = Vector3(0.08, 0.06, 0.035),
+                     .workspace_half_extent_m = kSimulatedHalfExtent_m,
                      .peak_force_newton = device.peak_force_newton,
                      .continuous_force_newton = device.peak_force_newton,
                      .position_resolution_m = device.position_resolution_m,

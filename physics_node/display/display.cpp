@@ -17,6 +17,12 @@ SceneState scene_of(const Session& session, std::uint64_t session_id) {
   scene.shaft_length_m = session.scene.shaft_length_m;
   scene.shaft_radius_m = session.scene.shaft_radius_m;
   scene.workspace_scale_ratio = side.device.workspace.scale_ratio;
+  const WorkspaceConfig& workspace = side.device.workspace;
+  const std::optional<Vector3> half_extent_m = workspace_half_extent_m(side.driver);
+  if (half_extent_m && !workspace.clutch_button) {
+    scene.reach = ReachBox{.center_m = workspace.offset_m,
+                           .half_extent_m = workspace.scale_ratio * *half_extent_m};
+  }
   scene.pointer = side.hand.pointer;
   return scene;
 }

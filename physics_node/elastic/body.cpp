@@ -64,7 +64,14 @@ void check(const BodyDescription& body) {
                                      std::to_string(quality.worst_element));
   require(quality.unused_nodes == 0,
           std::to_string(quality.unused_nodes) + " nodes belong to no element");
-  require(!body.fixed_nodes.empty(), "at least one node must be fixed");
+  require(!body.fixed_nodes.empty() || !body.attachments.empty(),
+          "at least one node must be fixed or attached");
+  require(std::all_of(body.attachments.begin(), body.attachments.end(),
+                      [&](const Attachment& one) {
+                        return one.node < nodes && one.stiffness_newton_per_m > 0.0 &&
+                               std::isfinite(one.stiffness_newton_per_m);
+                      }),
+          "an attached node does not exist, or its stiffness is not above 0");
   require(std::all_of(body.fixed_nodes.begin(), body.fixed_nodes.end(),
                       [&](std::uint32_t node) { return node < nodes; }),
           "a fixed node does not exist");
@@ -182,6 +189,23 @@ bool Body::has_inverted_element(const VectorXd& x_m) const {
   return false;
 }
 
+double Body::add_attachments(const double* x_m, const double* before_m, double step_s,
+                             double* gradient) const noexcept {
+  const double viscosity_s = description_.materials.front().stiffness_damping_s;
+  const double rate = step_s > 0.0 ? viscosity_s / step_s : 0.0;
+  double energy = 0.0;
+  for (const Attachment& one : description_.attachments) {
+    const Eigen::Index first = 3 * Eigen::Index{one.node};
+    for (Eigen::Index k = first; k < first + 3; ++k) {
+      const double away = x_m[k] - rest_m_[k];
+      const double way = rate > 0.0 ? x_m[k] - before_m[k] : 0.0;
+      energy += 0.5 * one.stiffness_newton_per_m * (away * away + rate * way * way);
+      gradient[k] += one.stiffness_newton_per_m * (away + rate * way);
+    }
+  }
+  return energy;
+}
+
 void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, const Shift& shift,
                      bool is_projected, BlockValues& values) const {
   const Mesh& mesh = description_.mesh;
@@ -287,6 +311,14 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
     const double add = shift.per_mass * mass_kg_[node] + shift.per_damping * mass_damping_[node];
     double* block = values.data() + 9 * std::size_t{pattern_.starts[j]};
     for (int i = 0; i < 9; i += 4) block[i] += add;
+  }
+  const double viscosity_s = description_.materials.front().stiffness_damping_s;
+  const double scale = 1.0 + shift.stiffening + shift.per_viscosity * viscosity_s;
+  for (const Attachment& one : description_.attachments) {
+    const std::int32_t row = pattern_.row_of[one.node];
+    if (row < 0) continue;
+    double* block = values.data() + 9 * std::size_t{pattern_.starts[static_cast<std::size_t>(row)]};
+    for (int i = 0; i < 9; i += 4) block[i] += scale * one.stiffness_newton_per_m;
   }
 }
 

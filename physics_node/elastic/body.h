@@ -16,6 +16,13 @@ namespace palpate::elastic {
 
 using Eigen::VectorXd;
 
+/// A spring from a node to its place in the mesh, equally stiff in all directions; in this place it
+/// has no force. It has the viscosity of the first material and relaxes with the branches.
+struct Attachment {
+  std::uint32_t node = 0;
+  double stiffness_newton_per_m = 0.0;
+};
+
 struct BodyDescription {
   Mesh mesh;
   std::vector<Material> materials = {{}};  ///< one per region of the mesh
@@ -24,13 +31,15 @@ struct BodyDescription {
   Vector3d gravity_m_per_s2 = Vector3d::Zero();
   /// Of all materials, whose moduli are those at rest; shares sum to less than 1.
   std::vector<Branch> branches = {};
+  std::vector<Attachment> attachments = {};  ///< of ligaments; one or more per node
 };
 
 /// What does not change while a body moves. Positions are vectors of 3 per node.
 class Body {
  public:
-  /// @throws std::invalid_argument  mesh not usable (quality_of), no fixed node, a node, region or
-  ///     material out of range
+  /// @throws std::invalid_argument  mesh not usable (quality_of), no fixed or attached node, a
+  /// node,
+  ///     region or material out of range
   /// @param alike  of the same elements and fixed nodes, in another shape: its order of
   ///     elimination is used; null: it is sought
   explicit Body(BodyDescription description, const Body* alike = nullptr);
@@ -62,6 +71,13 @@ class Body {
   [[nodiscard]] ElementBatches new_batches() const {
     return batches_of(description_.mesh, description_.materials, description_.law);
   }
+
+  /// Adds the forces of the attachments at x to the gradient, as those of the elements.
+  /// @param step_s    > 0: with the viscous ones of a step of this length
+  /// @param before_m  positions at the start of that step
+  /// @return their energy, with what the viscous ones dissipate
+  double add_attachments(const double* x_m, const double* before_m, double step_s,
+                         double* gradient) const noexcept;
 
   struct Shift {
     double per_mass = 0.0;       ///< added times the mass of each node

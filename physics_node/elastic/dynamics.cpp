@@ -293,6 +293,7 @@ void Dynamics::read_springs() {
   if (!relaxation_.is_there()) return;
   spring_newton_.setZero();
   add_gradient(search_.batches(), x_.data(), 0.0, spring_newton_.data());
+  body_.add_attachments(x_.data(), nullptr, 0.0, spring_newton_.data());
 }
 
 bool Dynamics::reset_if_inverted_at_rest(double energy_joule) {

@@ -43,6 +43,8 @@ double EquilibriumSearch::evaluate(const Goal& goal, const VectorXd& x_m) {
   // the viscous part is not to count more often
   const double stiffening = 1.0 + goal.stiffening;
   double value = add_gradient(batches_, x_m.data(), stiffening * goal.step_s, gradient_.data());
+  value +=
+      body_->add_attachments(x_m.data(), goal.before_m, stiffening * goal.step_s, gradient_.data());
   elastic_joule_ = value;
   if (goal.pull_newton != nullptr) {
     value *= stiffening;

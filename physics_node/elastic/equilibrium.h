@@ -17,7 +17,7 @@ namespace palpate::elastic {
 struct Goal {
   double step_s = 0.0;                 ///< h; 0: the static balance
   const double* inertial_m = nullptr;  ///< x̃ = x₀ + h v₀, where inertia alone would lead
-  const double* before_m = nullptr;    ///< x₀; needed with damping
+  const double* before_m = nullptr;    ///< x₀; needed with damping or viscosity
   const Obstacle* obstacle = nullptr;
   /// Of a step, with branches: V counts 1 + this times,
   double stiffening = 0.0;

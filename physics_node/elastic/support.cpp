@@ -97,7 +97,7 @@ std::string complaint_about_elements(const std::vector<Corners>& elements, Parts
 }  // namespace
 
 std::string complaint_about_support(const Mesh& mesh,
-                                    const std::vector<std::uint32_t>& fixed_nodes) {
+                                    const std::vector<std::uint32_t>& held_nodes) {
   std::vector<Corners> elements;
   for (std::size_t e = 0; e < mesh.element_count(); ++e) {
     Corners corners{};
@@ -114,11 +114,12 @@ std::string complaint_about_support(const Mesh& mesh,
   std::map<std::uint32_t, std::size_t> elements_of;
   for (std::uint32_t e = 0; e < elements.size(); ++e) {
     const std::uint32_t part = parts.of(e);
-    nodes_of[part].insert(nodes_of[part].end(), elements[e].begin(), elements[e].end());
+    const auto nodes = mesh.element(e);
+    nodes_of[part].insert(nodes_of[part].end(), nodes.begin(), nodes.end());
     ++elements_of[part];
   }
   std::vector<bool> is_held_node(mesh.nodes_m.size(), false);
-  for (const std::uint32_t node : fixed_nodes) {
+  for (const std::uint32_t node : held_nodes) {
     if (node < is_held_node.size()) is_held_node[node] = true;
   }
   // what is held holds its neighbours
@@ -147,8 +148,9 @@ std::string complaint_about_support(const Mesh& mesh,
   return "a part of " + std::to_string(elements_of[part]) + " of " +
          std::to_string(elements.size()) + " tetrahedra (the first is number " +
          std::to_string(part + 1) + ") " + kHold[static_cast<std::size_t>(hold(nodes))] +
-         "; let elastic.fixed reach three of its nodes that are not on a line, join it to the rest "
-         "by faces, or remove it";
+         "; let elastic.fixed or elastic.attached reach three of its nodes that are not on a line, "
+         "join "
+         "it to the rest by faces, or remove it";
 }
 
 }  // namespace palpate::elastic

@@ -12,10 +12,11 @@ namespace palpate::elastic {
 
 /// Why the body has no definite rest position, with the element and what to do, or "": an element
 /// given twice; a face of more than two elements; a part that is not held. Parts are elements that
-/// are joined by faces. A part is held by three nodes, not on a line, that are fixed or belong to
-/// parts that are held: by fewer it is loose, or turns about a point or a hinge.
-/// @param mesh  linear or quadratic; corners alone count
+/// are joined by faces. A part is held by three nodes, not on a line, that are fixed or attached,
+/// or belong to parts that are held: by fewer it is loose, or turns about a point or a hinge.
+/// @param mesh  linear or quadratic
+/// @param held_nodes  fixed or attached
 [[nodiscard]] std::string complaint_about_support(const Mesh& mesh,
-                                                  const std::vector<std::uint32_t>& fixed_nodes);
+                                                  const std::vector<std::uint32_t>& held_nodes);
 
 }  // namespace palpate::elastic

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <map>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -17,6 +16,7 @@
 #include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic/support.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
+#include "physics_node/elastic_tissue/mesh_place.h"
 #include "physics_node/elastic_tissue/unloaded.h"
 #include "physics_node/files/surface_files.h"
 #include "physics_node/surfaces/triangle_surface.h"
@@ -42,87 +42,6 @@ constexpr double kContactStiffness = 100.0;
 constexpr double kShortestPeriods = 0.5;
 constexpr double kLeastGive = 0.2;
 constexpr Eigen::Index kMostSlowModes = 16;
-
-bool is_within(const RegionGeometry& region, const Vector3& point_m) {
-  struct Inside {
-    const Vector3& point_m;
-    bool operator()(const HalfSpaceGeometry& h) const {
-      return h.normal.dot(point_m - h.point_m) <= 0.0;
-    }
-    bool operator()(const SphereGeometry& s) const {
-      return (point_m - s.center_m).norm() <= s.radius_m;
-    }
-    bool operator()(const BoxGeometry& b) const {
-      return ((point_m - b.center_m).cwiseAbs().array() <= 0.5 * b.size_m.array()).all();
-    }
-    bool operator()(const MeshTag& /*tag*/) const { return false; }  // see TaggedRegion
-  };
-  return std::visit(Inside{point_m}, region);
-}
-
-/// A region of the mesh that is named, and what is near it. Another kind of region is empty.
-class TaggedRegion {
- public:
-  /// @param mesh  in W, the elements of `read` in their order
-  TaggedRegion(const RegionGeometry& region, const TetrahedralMesh& read, const elastic::Mesh& mesh)
-      : is_tagged_(mesh.element_count(), false) {
-    const auto* tag = std::get_if<MeshTag>(&region);
-    if (tag == nullptr || read.regions.empty()) return;
-    within_m_ = tag->within_m;
-    for (std::size_t e = 0; e < mesh.element_count(); ++e) {
-      is_tagged_[e] = read.region_names[read.regions[e]] == tag->name;
-      if (!is_tagged_[e] || within_m_ == 0.0) continue;
-      for (const std::uint32_t node : mesh.element(e)) {
-        std::vector<Vector3>& nodes_m = nodes_in_[cell_of(mesh.nodes_m[node])];
-        const Vector3 node_m = mesh.nodes_m[node];
-        if (std::find(nodes_m.begin(), nodes_m.end(), node_m) == nodes_m.end()) {
-          nodes_m.push_back(node_m);
-        }
-      }
-    }
-  }
-
-  [[nodiscard]] bool has_element(std::size_t element) const { return is_tagged_[element]; }
-  [[nodiscard]] bool is_near(const Vector3& point_m) const {
-    if (nodes_in_.empty()) return false;
-    const Cell center = cell_of(point_m);
-    for (int i = 0; i < 27; ++i) {
-      const auto nodes =
-          nodes_in_.find({center[0] + i % 3 - 1, center[1] + i / 3 % 3 - 1, center[2] + i / 9 - 1});
-      if (nodes == nodes_in_.end()) continue;
-      for (const Vector3& node_m : nodes->second) {
-        if ((node_m - point_m).squaredNorm() <= within_m_ * within_m_) return true;
-      }
-    }
-    return false;
-  }
-
- private:
-  using Cell = std::array<std::int64_t, 3>;  // of within_m
-  [[nodiscard]] Cell cell_of(const Vector3& point_m) const {
-    Cell cell{};
-    for (int i = 0; i < 3; ++i) {
-      cell[static_cast<std::size_t>(i)] = std::llround(std::floor(point_m[i] / within_m_));
-    }
-    return cell;
-  }
-
-  std::vector<bool> is_tagged_;
-  double within_m_ = 0.0;
-  std::map<Cell, std::vector<Vector3>> nodes_in_;
-};
-
-/// Throws SetupError if a tag is not in the mesh.
-void check_tag(const RegionGeometry& region, const TetrahedralMesh& mesh, const std::string& name) {
-  const auto* tag = std::get_if<MeshTag>(&region);
-  if (tag == nullptr) return;
-  const auto& names = mesh.region_names;
-  if (std::find(names.begin(), names.end(), tag->name) != names.end()) return;
-  std::string known;
-  for (const std::string& there : names) known += (known.empty() ? "\"" : ", \"") + there + "\"";
-  throw SetupError(name + "tag: \"" + tag->name + "\": the mesh has " +
-                   (known.empty() ? "no regions" : "only the regions " + known));
-}
 
 elastic::Law law_of(ElasticMaterial::Law law) {
   switch (law) {
@@ -157,16 +76,9 @@ elastic::Mesh mesh_of(const TetrahedralMesh& read, const FileGeometry& geometry,
   }
   mesh.regions.resize(read.tetrahedra.size(), 0);
   for (std::size_t i = 0; i < material.parts.size(); ++i) {
-    const RegionGeometry& where = material.parts[i].where;
-    const TaggedRegion tagged(where, read, mesh);
+    const MeshPlace place(material.parts[i].where, read, mesh);
     for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
-      Vector3 centroid_m = Vector3::Zero();
-      for (const std::uint32_t corner : read.tetrahedra[e]) {
-        centroid_m += 0.25 * mesh.nodes_m[corner];
-      }
-      if (is_within(where, centroid_m) || tagged.has_element(e) || tagged.is_near(centroid_m)) {
-        mesh.regions[e] = static_cast<std::uint8_t>(i + 1);
-      }
+      if (place.has_element(e)) mesh.regions[e] = static_cast<std::uint8_t>(i + 1);
     }
   }
   return material.is_linear ? mesh : elastic::quadratic(mesh);
@@ -236,6 +148,62 @@ void add_parts(const elastic::Mesh& mesh, std::size_t parts, ElasticBody& body) 
   }
 }
 
+/// A field of the session that catches nothing.
+std::string idle_place(const char* field, std::size_t index, const char* what) {
+  return "elastic." + std::string(field) + "[" + std::to_string(index) + "] " + what +
+         "; correct the place, in metres in W, or leave it out";
+}
+
+/// Fixes and attaches the body. @return what holds nothing, a sentence each
+std::vector<std::string> hold(const TetrahedralMesh& read, const ElasticMaterial& material,
+                              elastic::BodyDescription& body) {
+  const elastic::Mesh& mesh = body.mesh;
+  std::vector<std::string> idle;
+  std::vector<bool> is_fixed(mesh.nodes_m.size(), false);
+  for (std::size_t i = 0; i < material.fixed.size(); ++i) {
+    const std::vector<std::uint32_t> nodes = MeshPlace(material.fixed[i], read, mesh).nodes();
+    for (const std::uint32_t node : nodes) is_fixed[node] = true;
+    if (nodes.empty()) idle.push_back(idle_place("fixed", i, "holds nothing: no node lies there"));
+  }
+  for (std::uint32_t node = 0; node < is_fixed.size(); ++node) {
+    if (is_fixed[node]) body.fixed_nodes.push_back(node);
+  }
+  if (material.attached.empty()) return idle;
+  const std::vector<elastic::Face> faces = elastic::surface_of(mesh);
+  // thirds of a face's area, at its corners or, of quadratic elements, in the middle of its edges,
+  // which is exact for linear displacements
+  const std::size_t first = mesh.nodes_per_element == 4 ? 0 : 3;
+  std::vector<double> of_nodes(mesh.nodes_m.size(), 0.0);  // N/m
+  for (std::size_t i = 0; i < material.attached.size(); ++i) {
+    const MeshPlace place(material.attached[i].where, read, mesh);
+    bool has_face = false;
+    bool has_free_node = false;
+    for (const elastic::Face& face : faces) {
+      if (!place.has_face(face)) continue;
+      has_face = true;
+      const Vector3& corner_m = mesh.nodes_m[face.nodes[0]];
+      const double area_m2 = 0.5 * (mesh.nodes_m[face.nodes[1]] - corner_m)
+                                       .cross(mesh.nodes_m[face.nodes[2]] - corner_m)
+                                       .norm();
+      for (std::size_t k = first; k < first + 3; ++k) {
+        const std::uint32_t node = face.nodes[k];
+        if (is_fixed[node]) continue;
+        has_free_node = true;
+        of_nodes[node] += material.attached[i].stiffness_pa_per_m * area_m2 / 3.0;
+      }
+    }
+    if (!has_face) {
+      idle.push_back(idle_place("attached", i, "holds nothing: no face of the surface lies there"));
+    } else if (!has_free_node) {
+      idle.push_back(idle_place("attached", i, "holds nothing that elastic.fixed does not hold"));
+    }
+  }
+  for (std::uint32_t node = 0; node < of_nodes.size(); ++node) {
+    if (of_nodes[node] > 0.0) body.attachments.push_back({node, of_nodes[node]});
+  }
+  return idle;
+}
+
 /// Of a body that has the shape of the mesh under this gravity. @throws SetupError  it has none
 elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vector3& gravity,
                                       const std::string& name) {
@@ -269,6 +237,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   const TetrahedralMesh read = load_tetrahedral_mesh(geometry);
   for (const ElasticMaterial::Part& part : material.parts) check_tag(part.where, read, name);
   for (const RegionGeometry& region : material.fixed) check_tag(region, read, name);
+  for (const ElasticMaterial::Attached& one : material.attached) check_tag(one.where, read, name);
   elastic::BodyDescription description{
       .mesh = mesh_of(read, geometry, material),
       .materials = {material_of(material, material.young_pa, material.poisson_ratio,
@@ -283,33 +252,18 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
     description.materials.push_back(
         material_of(material, part.young_pa, part.poisson_ratio, part.density_kg_per_m3));
   }
-  std::vector<bool> is_fixed(description.mesh.nodes_m.size(), false);
-  for (const RegionGeometry& region : material.fixed) {
-    const TaggedRegion tagged(region, read, description.mesh);
-    for (const std::uint32_t node :
-         elastic::nodes_where(description.mesh, [&](const elastic::Vector3d& node_m) {
-           return is_within(region, node_m) || tagged.is_near(node_m);
-         })) {
-      is_fixed[node] = true;
-    }
-    for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
-      if (!tagged.has_element(e)) continue;
-      for (const std::uint32_t node : description.mesh.element(e)) is_fixed[node] = true;
-    }
-  }
-  for (std::uint32_t node = 0; node < is_fixed.size(); ++node) {
-    if (is_fixed[node]) description.fixed_nodes.push_back(node);
-  }
-  if (description.fixed_nodes.empty()) {
+  std::vector<std::string> idle = hold(read, material, description);
+  if (description.fixed_nodes.empty() && description.attachments.empty()) {
     throw SetupError(name +
-                     "no node lies in a fixed place; give elastic.fixed where the body is "
-                     "held, in metres in W");
+                     "no node lies in a fixed place, no face of the surface in an attached one; "
+                     "give elastic.fixed where the body is held, in metres in W");
   }
   if (description.fixed_nodes.size() == description.mesh.nodes_m.size()) {
     throw SetupError(name + "all nodes are fixed; make elastic.fixed smaller");
   }
-  if (const std::string complaint =
-          elastic::complaint_about_support(description.mesh, description.fixed_nodes);
+  std::vector<std::uint32_t> held = description.fixed_nodes;
+  for (const elastic::Attachment& one : description.attachments) held.push_back(one.node);
+  if (const std::string complaint = elastic::complaint_about_support(description.mesh, held);
       !complaint.empty()) {
     throw SetupError(name + complaint);
   }
@@ -327,6 +281,12 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
 
   auto made = std::make_shared<ElasticBody>(ElasticBody{
       .tissue = index, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});
+  for (std::size_t i = 0; i < material.parts.size(); ++i) {
+    const auto& regions = description.mesh.regions;
+    if (std::find(regions.begin(), regions.end(), i + 1) != regions.end()) continue;
+    idle.push_back(idle_place("part", i, "has no element of the mesh, or a later part has them"));
+  }
+  made->idle_places = std::move(idle);
   made->faces = elastic::surface_of(description.mesh);
   made->points = contact_points(description.mesh, made->faces, tip_radius_m);
   made->surface_nodes = nodes_of(description.mesh, made->faces);
@@ -420,13 +380,21 @@ std::string mesh_report(const ElasticBody& body) {
   const std::vector<std::uint8_t>& regions = body.body->mesh().regions;
   const auto in_parts =
       std::count_if(regions.begin(), regions.end(), [](std::uint8_t region) { return region > 0; });
+  const std::vector<elastic::Attachment>& attachments = body.body->description().attachments;
+  char attached[60] = "";  // NOLINT: for snprintf
+  if (!attachments.empty()) {
+    double newton_per_m = 0.0;
+    for (const elastic::Attachment& one : attachments) newton_per_m += one.stiffness_newton_per_m;
+    std::snprintf(attached, sizeof attached, ", %zu attached with %.3g N/m", attachments.size(),
+                  newton_per_m);
+  }
   char text[400];  // NOLINT: for snprintf
   std::snprintf(
       text, sizeof text,
-      "elastic: %zu tetrahedra, %zu nodes (%zu fixed), %td tetrahedra in parts; least "
+      "elastic: %zu tetrahedra, %zu nodes (%zu fixed%s), %td tetrahedra in parts; least "
       "quality %.2f, %zu slivers; edges %.2g to %.2g mm; %zu contact points; sags %.2g mm",
-      quality.elements, quality.nodes, body.body->description().fixed_nodes.size(), in_parts,
-      quality.least_quality, quality.slivers, 1e3 * quality.shortest_edge_m,
+      quality.elements, quality.nodes, body.body->description().fixed_nodes.size(), attached,
+      in_parts, quality.least_quality, quality.slivers, 1e3 * quality.shortest_edge_m,
       1e3 * quality.longest_edge_m, body.points.size(), 1e3 * body.sag_m);
   std::string report = text;
   if (body.scan_error_m >= 0.0) {

@@ -47,6 +47,7 @@ struct ElasticBody {
   std::vector<BodyPart> parts = {};             ///< those that have elements
   std::vector<std::uint32_t> shown_nodes = {};  ///< of the surface, then of each part's
   elastic::VectorXd start_m = {};               ///< at rest under gravity, untouched
+  std::vector<std::string> idle_places = {};    ///< fields of the session that catch nothing
   double sag_m = 0.0;                           ///< largest displacement under gravity
   /// Of the shape under the scan's gravity from that of the mesh; < 0: the mesh is without load
   double scan_error_m = -1.0;
@@ -75,8 +76,8 @@ struct ElasticBody {
 
 /// Reads the mesh and finds the rest position under gravity. Takes up to seconds.
 /// @param tip_radius_m  > 0
-/// @throws SetupError  if the file or the body cannot be used: inverted elements, no node in a
-///     fixed place, no rest position
+/// @throws SetupError  if the file or the body cannot be used: inverted elements, nothing
+///     that holds it, no rest position
 [[nodiscard]] std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                                                                    std::uint32_t index,
                                                                    double tip_radius_m);

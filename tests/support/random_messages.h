@@ -404,6 +404,10 @@ inline void randomise(SceneState& m, Random& random) {
   m.shaft_radius_m = random.uniform(0.0, 0.1);
   m.workspace_scale_ratio = random.uniform(0.1, 10.0);
   m.accepts_changes = random.chance(0.5);
+  if (random.chance(0.5)) {
+    m.reach = ReachBox{.center_m = random_vector(random, 1.0),
+                       .half_extent_m = Vector3::Constant(random.uniform(0.01, 1.0))};
+  }
   m.tissues.resize(random.below(5));
   for (TissueSurface& tissue : m.tissues) randomise(tissue, random);
   if (random.chance(0.5)) {
@@ -818,7 +822,10 @@ inline bool same(const SceneState& a, const SceneState& b) {
          same(a.workspace_scale_ratio, b.workspace_scale_ratio) &&
          std::equal(a.tissues.begin(), a.tissues.end(), b.tissues.begin(), b.tissues.end(),
                     [](const auto& x, const auto& y) { return same(x, y); }) &&
-         a.accepts_changes == b.accepts_changes && a.pointer.has_value() == b.pointer.has_value() &&
+         a.accepts_changes == b.accepts_changes && a.reach.has_value() == b.reach.has_value() &&
+         (!a.reach || (same(a.reach->center_m, b.reach->center_m) &&
+                       same(a.reach->half_extent_m, b.reach->half_extent_m))) &&
+         a.pointer.has_value() == b.pointer.has_value() &&
          (!a.pointer || same(*a.pointer, *b.pointer));
 }
 inline bool same(const MeshFrame& a, const MeshFrame& b) {

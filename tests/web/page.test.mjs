@@ -365,7 +365,7 @@ page_test("every control has a name, and Tab reaches it", {}, async (page) => {
     .filter((element) => !(element.getAttribute("aria-label") || element.innerText || element.title)).length);
   assert.equal(unnamed, 0);
 
-  const missing = new Set(["windows", "pause", "theme", "canvas", "colours", "inside", "to-tool", "reset-view", "touch-toggle", "marker", "record"]);
+  const missing = new Set(["windows", "pause", "theme", "canvas", "colours", "inside", "reach", "to-tool", "reset-view", "touch-toggle", "marker", "record"]);
   for (let i = 0; i < 60 && missing.size > 0; ++i) {
     await page.keyboard.press("Tab");
     missing.delete(await page.evaluate(() => document.activeElement?.id || document.activeElement?.parentElement?.id));
@@ -653,6 +653,18 @@ page_test("See inside shows the tool within tissue, and the view turns about the
   await page.locator("#canvas").focus();
   for (let i = 0; i < 3; ++i) await page.keyboard.press("ArrowLeft");
   await until(page, near, "the tool still in the middle");
+});
+
+page_test("Reach draws the box that the tool reaches", { page: kPicture }, async (page) => {
+  await rest_tool_at(page, 0.01);
+  server.world.dent = { x: 1, y: 1, z: 1 };
+  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "a flat top");
+  await drawn(page);
+  const without = await picture(page);
+  await page.getByRole("button", { name: "Reach" }).click();
+  await until_pixels_change(page, without, 300, "the box");
+  await page.getByRole("button", { name: "Reach" }).click();
+  await page.getByRole("button", { name: "Reach", pressed: false }).waitFor();
 });
 
 page_test("without physics no words deny the force that is still requested", {}, async (page) => {

@@ -111,6 +111,10 @@ struct WireFormat<SceneState> {
     wire.set_accepts_changes(m.accepts_changes);
     wire.set_workspace_scale_ratio(m.workspace_scale_ratio);
     for (const TissueSurface& surface : m.tissues) put_tissue(surface, *wire.add_tissues());
+    if (m.reach) {
+      put(m.reach->center_m, *wire.mutable_reach()->mutable_center_m());
+      put(m.reach->half_extent_m, *wire.mutable_reach()->mutable_half_extent_m());
+    }
     if (m.pointer) {
       v1::SceneState::PointerHand& pointer = *wire.mutable_pointer();
       put(m.pointer->center_m, *pointer.mutable_center_m());
@@ -136,6 +140,13 @@ struct WireFormat<SceneState> {
     }
     positive(wire.workspace_scale_ratio());
     for (const v1::TissueSurface& surface : wire.tissues()) check_tissue(surface, verdict);
+    if (wire.has_reach()) {
+      const v1::SceneState::Reach& reach = wire.reach();
+      verdict.vector(reach.has_center_m(), reach.center_m(), kMaxPositionM);
+      verdict.vector(reach.has_half_extent_m(), reach.half_extent_m(), kMaxPositionM);
+      const Vector3 half_extent_m = vector(reach.half_extent_m());
+      verdict.expect((half_extent_m.array() > 0.0).all());
+    }
     if (wire.has_pointer()) {
       const v1::SceneState::PointerHand& pointer = wire.pointer();
       verdict.vector(pointer.has_center_m(), pointer.center_m(), kMaxPositionM);
@@ -162,6 +173,11 @@ struct WireFormat<SceneState> {
     m.tissues.resize(static_cast<std::size_t>(wire.tissues_size()));
     for (int i = 0; i < wire.tissues_size(); ++i) {
       read_tissue(wire.tissues(i), m.tissues[static_cast<std::size_t>(i)]);
+    }
+    m.reach.reset();
+    if (wire.has_reach()) {
+      m.reach = ReachBox{.center_m = vector(wire.reach().center_m()),
+                         .half_extent_m = vector(wire.reach().half_extent_m())};
     }
     m.pointer.reset();
     if (wire.has_pointer()) {

@@ -195,11 +195,15 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
       break;
   }
   for (const Fields& place : fields.messages("fixed")) material.fixed.push_back(to_region(place));
-  if (material.fixed.empty()) {
+  for (const Fields& attached : fields.messages("attached")) {
+    material.attached.push_back({.where = to_region(attached.message("where")),
+                                 .stiffness_pa_per_m = attached.number("stiffness_pa_per_m")});
+  }
+  if (material.fixed.empty() && material.attached.empty()) {
     fields.problem(
         "fixed",
         "the body would fall; give where it is held, e.g. fixed { half_space { point_m { "
-        "z: -0.04 } } }");
+        "z: -0.04 } } }, or where springs hold it: attached { … }");
   }
   for (const Fields& part : fields.messages("part")) {
     material.parts.push_back(

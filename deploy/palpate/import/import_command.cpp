@@ -25,6 +25,8 @@ struct ImportCommand {
   std::string folder;
   std::string names_file;
   std::optional<double> cell_mm;
+  std::string device_file;
+  std::vector<double> workspace_mm;
   ImportOptions options;
   bool may_overwrite = false;
 
@@ -69,6 +71,16 @@ struct ImportCommand {
                    "edge of the lattice's cells where it is finest, instead of --tetrahedra")
         ->type_name("MM")
         ->check(CLI::Range(0.05, 100.0));
+    auto* device = app.add_option(
+        "--device", device_file,
+        "session of the device whose workspace is to be laid over the organ (default: the "
+        "simulated device, 160 x 120 x 70 mm)");
+    device->type_name("SESSION");
+    app.add_option("--workspace-mm", workspace_mm, "the same by the size of its workspace")
+        ->type_name("X Y Z")
+        ->expected(3)
+        ->check(CLI::Range(1.0, 10'000.0))
+        ->excludes(device);
     add_overwrite_flag(app, may_overwrite);
   }
 
@@ -94,6 +106,11 @@ struct ImportCommand {
       }
       std::fputs(label_list(map, labels_file).c_str(), stdout);
       return 0;
+    }
+    if (!device_file.empty()) options.device = reach_device_of(device_file);
+    if (!workspace_mm.empty()) {
+      options.device =
+          reach_device_of_size(Vector3(workspace_mm[0], workspace_mm[1], workspace_mm[2]));
     }
     if (cell_mm) options.cell_m = 1e-3 * *cell_mm;
     options.is_timed = true;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdarg>
 #include <cstdio>
 #include <cstring>
 #include <limits>
@@ -18,6 +17,7 @@
 #include "common/session/materials.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/import/import_site.h"
+#include "deploy/palpate/import/import_text.h"
 #include "deploy/palpate/import/solve_speed.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
@@ -33,18 +33,6 @@ constexpr std::uint64_t kManyVoxels = 5000;
 constexpr std::size_t kMostFileNameBytes = 60;
 constexpr std::size_t kMostLabels = 1000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-
-[[gnu::format(printf, 1, 2)]] std::string text_of(const char* format, ...) {
-  va_list arguments;
-  va_list again;
-  va_start(arguments, format);
-  va_copy(again, arguments);
-  std::string text(static_cast<std::size_t>(std::vsnprintf(nullptr, 0, format, arguments)), ' ');
-  std::vsnprintf(text.data(), text.size() + 1, format, again);
-  va_end(again);
-  va_end(arguments);
-  return text;
-}
 
 std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
                                           const std::vector<std::string>& names,
@@ -116,7 +104,10 @@ class Import {
       result.files[name + ".stl"] =
           stl_text(scan::surface_of_region(organ_.mesh, static_cast<std::uint16_t>(r)));
     }
-    result.files["surface.stl"] = stl_text(physics::surface_of(organ_.mesh));
+    const physics::TriangleMesh surface = physics::surface_of(organ_.mesh);
+    result.files["surface.stl"] = stl_text(surface);
+    reach_ = propose_reach(surface, options_.device,
+                           {.tip_radius_m = kTipRadius_m, .below_m = press_m()});
     drop_empty_regions();
     result.files[kImportedMesh] = physics::msh_text(organ_.mesh);
     result.files[kImportedSession] = session();
@@ -299,6 +290,8 @@ class Import {
     // the hand drifts over the place
     constexpr double kSwing_m = 0.012;
     const double drift_m = std::min(0.018, 0.15 * (bounds_.highest_m.x() - bounds_.lowest_m.x()));
+    const Vector3 centre_m = reach_.hand_m(Vector3(0, 0, kTipRadius_m - press_m() + kSwing_m));
+    const Vector3 amplitude_m = Vector3(drift_m, drift_m / 6.0, kSwing_m) / reach_.scale_ratio;
     std::string parts;
     for (std::size_t r = 0; r < chosen_.size(); ++r) {
       if (!is_part(r)) continue;
@@ -314,12 +307,17 @@ class Import {
            "name: \"imported\"\nduration_s: 10\n\n"
            "# A simulated hand that presses on the organ and slides over it. With a device of your "
            "own: docs/first_device.md.\n"
-           "device {\n  rate_hz: 1000\n  simulated {}\n}\n\n"
-           "hand {\n  pointer {}\n  sinusoid {\n" +
+           "device {\n  rate_hz: 1000\n  simulated {}\n"
+           "  # what of the organ is reached: report.txt\n" +
+           text_of("  workspace { scale_ratio: %.4g  offset_m { x: %.4g  y: %.4g  z: %.4g } }\n",
+                   reach_.scale_ratio, reach_.offset_m.x(), reach_.offset_m.y(),
+                   reach_.offset_m.z()) +
+           "}\n\nhand {\n  pointer {}\n  sinusoid {\n" +
            text_of(
-               "    center_m     { x: 0  y: 0  z: %.4g }\n    amplitude_m  { x: %.4g  y: %.4g  z: "
-               "%.4g }\n",
-               kTipRadius_m - press_m() + kSwing_m, drift_m, drift_m / 6.0, kSwing_m) +
+               "    center_m     { x: %.4g  y: %.4g  z: %.4g }\n    amplitude_m  { x: %.4g  y: "
+               "%.4g  z: %.4g }\n",
+               centre_m.x(), centre_m.y(), centre_m.z(), amplitude_m.x(), amplitude_m.y(),
+               amplitude_m.z()) +
            "    frequency_hz { x: 0.07   y: 0.03   z: 0.7 }\n    phase_rad    { x: -0.94  y: 0     "
            " z: 1.57 }\n  }\n}\n\n"
            "mofc {\n  controller: mofc\n  mode: guard\n}\n\nphysics { rate_hz: 1000 }\n\n"
@@ -425,16 +423,23 @@ class Import {
     text += text_of(
         "\nPlace (frame W, not scaled)\n  +z is %s; the surface above the %s is at the origin, its "
         "centre %.1f mm below\n"
-        "  the body reaches from (%.0f, %.0f, %.0f) to (%.0f, %.0f, %.0f) mm: a device reaches "
-        "what lies within its workspace\n"
-        "  around the origin; device.workspace { scale_ratio } in the session enlarges its "
-        "motion\n",
+        "  the body reaches from (%.0f, %.0f, %.0f) to (%.0f, %.0f, %.0f) mm\n",
         options_.up.c_str(), lesions_.empty() ? "middle of the body" : "largest lesion",
         -1e3 * target_m_.z(), low_mm.x(), low_mm.y(), low_mm.z(), high_mm.x(), high_mm.y(),
         high_mm.z());
+    const Matrix3 turn = world_of_ras(options_.up);
+    text +=
+        "  ImageToPatient of OpenIGTLink, from the scan (right, anterior, superior) to W, in mm:\n";
+    for (int row = 0; row < 3; ++row) {
+      text += text_of("    %4.0f %4.0f %4.0f %10.3f\n", turn(row, 0), turn(row, 1), turn(row, 2),
+                      1e3 * moved_m_[row]);
+    }
+    text += "       0    0    0      1.000\n";
     text += fixed_.empty() ? "  held: the lowest fifth of the body. WARNING: a guess; set `fixed` "
                              "in the session, or give --fixed LABEL\n"
                            : "  held: the labels given with --fixed\n";
+
+    text += reach_report(reach_, options_.device);
 
     text += "\nMaterials: proposals, to be confirmed or edited in session.txtpb\n";
     for (std::size_t r = 0; r < chosen_.size(); ++r) {
@@ -461,6 +466,7 @@ class Import {
   Vector3 target_m_ = Vector3::Zero();
   double thickness_m_ = 0.0;
   SolveSpeed speed_{};
+  Reach reach_{};
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "deploy/palpate/import/import_reach.h"
 #include "deploy/scan/label_map.h"
 #include "deploy/scan/organ_mesh.h"
 
@@ -22,6 +23,7 @@ struct ImportOptions {
   std::string scanned = "none";
   std::optional<double> cell_m{};
   std::size_t tetrahedra = 6000;
+  ReachDevice device{};   ///< whose workspace is laid over the organ
   bool is_timed = false;  ///< solve rate after a solution on this machine; else 25 Hz
 };
 

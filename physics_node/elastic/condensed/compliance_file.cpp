@@ -158,6 +158,11 @@ std::uint64_t fingerprint_of(const SurfaceCompliance& compliance) {
   hash.add(std::uint64_t{body.materials.size()});
   for (const std::uint32_t node : body.fixed_nodes) hash.add(std::uint64_t{node});
   hash.add(std::uint64_t{body.fixed_nodes.size()});
+  for (const Attachment& attachment : body.attachments) {
+    hash.add(std::uint64_t{attachment.node});
+    hash.add(attachment.stiffness_newton_per_m);
+  }
+  hash.add(std::uint64_t{body.attachments.size()});
   for (const std::uint32_t node : compliance.surface_nodes()) hash.add(std::uint64_t{node});
   return hash.value();
 }

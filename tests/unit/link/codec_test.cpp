@@ -272,9 +272,9 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
       [&](const Frame& frame, const std::string& path) {
         SCOPED_TRACE(path);
         ++tried;
-        if (path == "applied.hand_position_at_end_m" || path == "pointer" || path == "replay" ||
-            path == "displacement_world_m" || path == "receipts" || path == "contacts.held_m" ||
-            path == "surface" || path == "surface.description" ||
+        if (path == "applied.hand_position_at_end_m" || path == "pointer" || path == "reach" ||
+            path == "replay" || path == "displacement_world_m" || path == "receipts" ||
+            path == "contacts.held_m" || path == "surface" || path == "surface.description" ||
             path == "surface.coverages.to_m" || path == "counters.standby_interaction" ||
             path == "wave" || path == "acted" || path == "elastic_receipts" || path == "elastic" ||
             path == "surface.description.motion_amplitude_m") {  // optional

@@ -169,7 +169,7 @@ inline SceneState full_message() {
   SceneState m;
   do m = random_message<SceneState>(random);
   while (m.tissues.size() < 2 || m.tissues[0].mesh.triangles.empty() ||
-         m.tissues[0].vertex_stiffness_newton_per_m.empty() || !m.pointer);
+         m.tissues[0].vertex_stiffness_newton_per_m.empty() || !m.pointer || !m.reach);
   return m;
 }
 template <>

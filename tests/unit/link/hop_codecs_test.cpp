@@ -406,6 +406,8 @@ TEST(SceneCodec, RefusesWhatIsOutOfRange) {
         Alter([](auto& s) { s.set_shaft_length_m(-1e-3); }),
         Alter([](auto& s) { s.set_shaft_radius_m(-1e-3); }),
         Alter([](auto& s) { s.set_workspace_scale_ratio(0); }),
+        Alter([](auto& s) { s.mutable_reach()->mutable_half_extent_m()->set_y(0); }),
+        Alter([](auto& s) { s.mutable_reach()->mutable_center_m()->set_z(1001); }),
         Alter([](auto& s) { s.mutable_pointer()->set_reach_m(0); }),
         Alter([](auto& s) { s.mutable_pointer()->set_speed_m_per_s(0); }),
         Alter([](auto& s) { s.mutable_pointer()->set_holder_timeout_ns(0); }),

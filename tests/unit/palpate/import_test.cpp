@@ -6,8 +6,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "common/core/check.h"
+#include "common/core/workspace_map.h"
 #include "common/session/materials.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/import/import_site.h"
@@ -105,6 +107,25 @@ TEST(Import, WritesASessionWithItsLesionWhereThePatientHasIt) {
   EXPECT_LT(middle_m.x(), -0.004);
   EXPECT_LT(middle_m.y(), -0.002);
   EXPECT_LT(stalk_m.z(), -0.03);
+
+  // the report leads from the scan to W: where the middle of the lesion is at 1.5 (22, 26.9, 29.7)
+  // mm
+  std::istringstream matrix(organ.report.substr(organ.report.find("to W, in mm:\n") + 13));
+  Eigen::Matrix4d world_of_image;
+  for (int i = 0; i < 16; ++i) matrix >> world_of_image(i / 4, i % 4);
+  const Vector3 there_mm = (world_of_image * Eigen::Vector4d(33, 40.3, 44.6, 1)).head<3>();
+  EXPECT_LT((1e-3 * there_mm - Vector3(0, 0, -0.0129)).norm(), 0.002);
+
+  // the hand presses in the middle of it, wherever the workspace is laid
+  const Side& side = session.side();
+  const auto& path = std::get<SinusoidPath>(side.hand.path);
+  const WorkspaceMap map(side.device.workspace);
+  const Vector3 lowest_m =
+      map.tool_position_world_m(path.center_m - Vector3(0, 0, path.amplitude_m.z()));
+  EXPECT_NEAR(lowest_m.x(), 0.0, 1e-5);
+  EXPECT_NEAR(lowest_m.y(), 0.0, 1e-5);
+  EXPECT_NEAR(lowest_m.z(), session.scene.tip_radius_m - 0.008, 1e-5);
+  EXPECT_THAT(organ.report, HasSubstr("Reach (a proposal for the simulated device"));
 
   // the stalk is held, the lesion has a material of its own
   for (const std::uint32_t node : bodies[0]->body->description().fixed_nodes)

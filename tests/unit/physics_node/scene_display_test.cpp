@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 
+#include "physics_node/display/display.h"
 #include "physics_node/files/ply.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
@@ -79,6 +80,24 @@ class SceneDisplayTest : public testing::Test {
   Watchers watchers_;
   TimePoint now_{1s};
 };
+
+TEST_F(SceneDisplayTest, TellsWhatTheToolReachesWhereThatIsKnown) {
+  WorkspaceConfig& workspace = session_.side().device.workspace;
+  workspace.scale_ratio = 2.0;
+  workspace.offset_m = Vector3(0.01, 0.0, 0.03);
+  const std::optional<ReachBox> reach = scene_of(session_, 1).reach;
+  ASSERT_TRUE(reach.has_value());
+  EXPECT_EQ(reach->center_m, Vector3(0.01, 0.0, 0.03));
+  EXPECT_EQ(reach->half_extent_m, 2.0 * kSimulatedHalfExtent_m);
+
+  session_.side().driver = FalconConfig{.workspace_half_extent_m = Vector3::Constant(0.03)};
+  EXPECT_EQ(scene_of(session_, 1).reach->half_extent_m, Vector3::Constant(0.06));
+  session_.side().driver = PluginConfig{};
+  EXPECT_FALSE(scene_of(session_, 1).reach.has_value());
+  session_.side().driver = std::monostate{};
+  workspace.clutch_button = 0;
+  EXPECT_FALSE(scene_of(session_, 1).reach.has_value());
+}
 
 TEST_F(SceneDisplayTest, SendsNothingWithoutSubscribers) {
   for (int i = 0; i < 10; ++i) publish(2e-3);

@@ -74,6 +74,20 @@ TEST(ElasticRules, PlacesMayBeRegionsOfTheMesh) {
               is_at("elastic.fixed[0].near.within_m", "must be > 0"));
 }
 
+TEST(ElasticRules, SpringsMayHoldItInsteadOfFixedPlaces) {
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4 attached { where { tag: 'ligament' } "
+                                 "stiffness_pa_per_m: 2e5 } attached { where { near { tag: 'a' "
+                                 "within_m: 0.003 } } stiffness_pa_per_m: 1e9 }"),
+              IsEmpty());
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4 attached { where { tag: 'ligament' } }"),
+              is_at("elastic.attached[0].stiffness_pa_per_m", "required"));
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4 attached { stiffness_pa_per_m: 2e5 }"),
+              is_at("elastic.attached[0].where", "a place is required"));
+  EXPECT_THAT(elastic_complaints(kHeld + " attached { where { half_space {} } "
+                                         "stiffness_pa_per_m: 99 }"),
+              is_at("elastic.attached[0].stiffness_pa_per_m = 99", "must be 100"));
+}
+
 TEST(ElasticRules, NamesWhatIsMissing) {
   EXPECT_THAT(elastic_complaints("fixed { half_space {} }"), is_at("elastic.young_pa", "required"));
   EXPECT_THAT(elastic_complaints("young_pa: 1e4"), is_at("elastic.fixed", "the body would fall"));

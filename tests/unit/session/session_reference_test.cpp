@@ -87,6 +87,7 @@ TEST(SessionSchema, UnitsAreThoseOfTheNames) {
                                                        {"_m_per_s", "m/s"},
                                                        {"_kg_per_m3", "kg/m³"},
                                                        {"_per_s", "1/s"},
+                                                       {"_pa_per_m", "Pa/m"},
                                                        {"_pa", "Pa"},
                                                        {"_deg", "°"},
                                                        {"_joule", "J"},

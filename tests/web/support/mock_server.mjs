@@ -161,6 +161,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
         { name: names[1], shape: 2, verticesM: bytes_of(ball.vertices), triangles: bytes_of(ball.triangles), ...material(1, ball.vertices) },
       ],
       acceptsChanges: has_control,
+      reach: { centerM: { x: 0, y: 0, z: 0.02 }, halfExtentM: { x: 0.08, y: 0.06, z: 0.035 } },
       ...(has_pointer ? { pointer: { centerM: { x: 0, y: 0, z: 0 }, reachM: 0.09, speedMPerS: 0.25, holderTimeoutNs: BigInt(kHolderTimeout_ms) * 1000000n } } : {}),
     });
   }

@@ -173,6 +173,7 @@ function take_scene(message: SceneState): void {
   surfaces = taken;
   signature = scene_signature(surfaces);
   view.set_surfaces(surfaces, scene, scene.peakForceNewton);
+  show_reach();
   hand.set_scene(scene);
   control.set_scene(scene);
   write_hand(hand.status, hand.is_touching);
@@ -264,6 +265,16 @@ by_id("inside").addEventListener("click", (event) => {
   const does = button.getAttribute("aria-pressed") !== "true";
   button.setAttribute("aria-pressed", String(does));
   view.see_inside(does);
+});
+/** The box that the tool reaches, where the scene tells it and the user wants it. */
+function show_reach(): void {
+  by_id("reach").hidden = !scene?.reach;
+  view.show_reach(by_id("reach").getAttribute("aria-pressed") === "true" ? scene?.reach ?? null : null);
+}
+by_id("reach").addEventListener("click", (event) => {
+  const button = event.currentTarget as HTMLElement;
+  button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
+  show_reach();
 });
 by_id("reset-view").addEventListener("click", () => view.frame());
 by_id("to-tool").addEventListener("click", () => view.orbit_tool());

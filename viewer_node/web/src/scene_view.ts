@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // scene_view.ts: the 3-D view: tissue, tool, forces. Draws only when something has changed.
 import {
-  BufferAttribute, BufferGeometry, Box3, Color, DirectionalLight, DynamicDrawUsage, Fog, FrontSide, GridHelper, Group,
-  HemisphereLight, Line, LineDashedMaterial, Mesh, MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap,
+  BufferAttribute, BufferGeometry, Box3, Box3Helper, Color, DirectionalLight, DynamicDrawUsage, Fog, FrontSide, GridHelper, Group,
+  HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh, MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap,
   PerspectiveCamera, Points, PointsMaterial, Scene, SphereGeometry, Vector3 as V3, WebGLRenderer,
   type Material, type WebGLProgramParametersWithUniforms,
 } from "three";
@@ -50,6 +50,7 @@ export class SceneView {
   private readonly tools = [new Tool()]; // of each side; the first one can be led
   private readonly target: Mesh<SphereGeometry, MeshBasicMaterial>;
   private readonly tether: Line<BufferGeometry, LineDashedMaterial>;
+  private readonly reach = new Box3Helper(new Box3()); // what the tool reaches
   private readonly lamp = new DirectionalLight(0xfff6ec, 2.7);
   private grid: GridHelper | null = null;
   private grid_colour = "#888";
@@ -89,8 +90,9 @@ export class SceneView {
 
     this.target = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.55, fog: false }));
     this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
-    this.target.visible = this.tether.visible = false;
-    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether);
+    this.target.visible = this.tether.visible = this.reach.visible = false;
+    Object.assign(this.reach.material as LineBasicMaterial, { transparent: true, opacity: 0.7, fog: false });
+    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach);
   }
 
   /** Replaces the scene; keeps the camera if the user has moved it. */
@@ -205,6 +207,17 @@ export class SceneView {
     this.is_changed = this.is_urgent = true;
   }
 
+  /** The box that the tool reaches (W); null hides it. */
+  show_reach(box: { centerM: Vector3; halfExtentM: Vector3 } | null): void {
+    this.reach.visible = box !== null;
+    if (box) {
+      const { centerM: c, halfExtentM: h } = box;
+      this.reach.box.min.set(c.x - h.x, c.y - h.y, c.z - h.z);
+      this.reach.box.max.set(c.x + h.x, c.y + h.y, c.z + h.z);
+    }
+    this.is_changed = true;
+  }
+
   set_theme(theme: Theme): void {
     this.scene.background = new Color(theme.background);
     this.scene.fog = new Fog(theme.background, 1, 2);
@@ -213,6 +226,7 @@ export class SceneView {
     for (const tool of this.tools) tool.set_theme(theme);
     this.target.material.color.set(theme.target);
     this.tether.material.color.set(theme.target);
+    (this.reach.material as LineBasicMaterial).color.set(theme.target);
     this.place_surroundings();
     this.is_changed = true;
   }

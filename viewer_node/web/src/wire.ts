@@ -154,6 +154,7 @@ export interface SceneState {
   workspaceScaleRatio: number;
   tissues: TissueSurface[];
   acceptsChanges: boolean;
+  reach?: { centerM: Vector3; halfExtentM: Vector3 }; // of the tool, W
   pointer?: {
     centerM: Vector3;
     reachM: number;

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// import_text.h — text as printf() makes it.
+#pragma once
+
+#include <cstdarg>
+#include <cstdio>
+#include <string>
+
+namespace palpate {
+
+[[gnu::format(printf, 1, 2)]] inline std::string text_of(const char* format, ...) {
+  va_list arguments;
+  va_list again;
+  va_start(arguments, format);
+  va_copy(again, arguments);
+  std::string text(static_cast<std::size_t>(std::vsnprintf(nullptr, 0, format, arguments)), ' ');
+  std::vsnprintf(text.data(), text.size() + 1, format, again);
+  va_end(again);
+  va_end(arguments);
+  return text;
+}
+
+}  // namespace palpate
