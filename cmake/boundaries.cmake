@@ -89,7 +89,8 @@ set(PALPATE_BOUNDARIES
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic_tissue"
 
   # feed ← recording, server ← process (the files of viewer_node itself)
-  "viewer_node:common/*,viewer_node/audience,viewer_node/feed,viewer_node/live,viewer_node/recording,viewer_node/server,@log"
+  "viewer_node/openigtlink:common/core,common/link,common/process,common/session,common/telemetry,viewer_node/feed,@log"
+  "viewer_node:common/*,viewer_node/audience,viewer_node/feed,viewer_node/live,viewer_node/openigtlink,viewer_node/recording,viewer_node/server,@log"
   "viewer_node/live:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,@log"
   "viewer_node/audience:common/*,viewer_node/live/channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
   "viewer_node/feed:common/core,common/session,common/telemetry"

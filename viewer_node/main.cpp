@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include "common/link/plot_sender.h"
 #include "common/process/options.h"
+#include "viewer_node/openigtlink/server.h"
 #include "viewer_node/process.h"
 #include "viewer_node/server/web_limits.h"
 
@@ -27,6 +28,12 @@ int main(int argc, char** argv) {
                  ->type_name("[ENDPOINT]")
                  ->expected(0, 1)
                  ->default_str(palpate::kPlotEndpoint);
+             app.add_option("--openigtlink", options.openigtlink,
+                            "serve tool, forces and tissues to 3D Slicer by OpenIGTLink at this "
+                            "port, on this machine only (0: any that is free)")
+                 ->type_name("[PORT]")
+                 ->expected(0, 1)
+                 ->default_str(std::to_string(palpate::viewer::igtl::kPort));
              app.add_flag("--quiet", options.is_quiet, "no status line");
              palpate::viewer::WebOptions& web = options.web;
              app.add_option(

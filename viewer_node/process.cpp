@@ -18,6 +18,7 @@
 #include "common/telemetry/csv_writer.h"
 #include "viewer_node/audience/relay.h"
 #include "viewer_node/feed/status_line.h"
+#include "viewer_node/openigtlink/feed.h"
 
 namespace palpate::viewer {
 namespace {
@@ -179,10 +180,15 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   if (options.web.is_enabled(context.session.viewer.web)) {
     web.emplace(context, links, options.web, feed.subscriber(), mirrors);
   }
+  std::optional<IgtlFeed> igtl;
+  if (options.openigtlink) {
+    igtl.emplace(context, *options.openigtlink, feed.subscriber(), mirrors);
+  }
   feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
     if (relay) relay->take(message, payload);
     if (recording) recording->take(message, payload);
     if (web) web->take(message, payload);
+    if (igtl) igtl->take(message);
   };
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
@@ -190,8 +196,11 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
     const Duration interval = web || relay ? kWebPumpInterval : kPumpInterval;
-    feed.pump(mirrors, std::min(context.clock.now() + interval, next_status));
+    TimePoint deadline = std::min(context.clock.now() + interval, next_status);
+    if (igtl) deadline = std::min(deadline, igtl->due());
+    feed.pump(mirrors, deadline);
     const TimePoint now = context.clock.now();
+    if (igtl) igtl->pump(now);
     if (relay) relay->pump();
     if (web) web->pump(now);
     refused_peers.note(now);

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -23,7 +24,8 @@ struct ViewerOptions {
   std::string csv_file;       ///< empty: none; one file per side, see csv_file_of()
   RecordOptions record{};     ///< its may_overwrite is the table's, too
   std::string plotjuggler{};  ///< endpoint; empty: none. Shows the first side only
-  bool is_quiet = false;      ///< no status line
+  std::optional<std::uint16_t> openigtlink{};  ///< port of this machine; none: no server
+  bool is_quiet = false;                       ///< no status line
   WebOptions web{};
   std::string follow{};   ///< endpoint of a relay; empty: the nodes themselves
   std::string publish{};  ///< endpoint at which this viewer is a relay; empty: it is none
