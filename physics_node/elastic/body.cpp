@@ -155,7 +155,7 @@ Body::Body(BodyDescription description, const Body* alike) : description_(std::m
     const Material& material = description_.materials[mesh.regions.empty() ? 0 : mesh.regions[e]];
     Matrix3d edges;
     for (int k = 0; k < 3; ++k) {
-      edges.col(k) = mesh.nodes_m[t[static_cast<std::size_t>(k + 1)]] - mesh.nodes_m[t[0]];
+      edges.col(k) = mesh.nodes_m[t[static_cast<std::size_t>(k) + 1]] - mesh.nodes_m[t[0]];
     }
     const double mass = edges.determinant() / 6.0 * material.density_kg_per_m3;
     for (std::size_t a = 0; a < t.size(); ++a) {
@@ -229,7 +229,7 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
     const double rate = shift.per_viscosity * material.stiffness_damping_s / stiffening;
     Matrix3d edges;
     for (int k = 0; k < 3; ++k) {
-      edges.col(k) = mesh.nodes_m[t[static_cast<std::size_t>(k + 1)]] - mesh.nodes_m[t[0]];
+      edges.col(k) = mesh.nodes_m[t[static_cast<std::size_t>(k) + 1]] - mesh.nodes_m[t[0]];
     }
     const double volume = edges.determinant() / 6.0 / static_cast<double>(points);
     Eigen::Matrix<double, 4, 3> barycentric;
@@ -274,14 +274,14 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
           const auto column = static_cast<Eigen::Index>(a);
           for (int i = 0; i < 3; ++i) {
             dilatation_gradient(i, column) +=
-                g.row(column).dot(at.dilatation.segment<3>(3 * i)) * volume;
+                g.row(column).dot(at.dilatation.segment<3>(3 * Eigen::Index{i})) * volume;
           }
         }
       }
       if (is_projected) make_semidefinite(at.stiffness);
       for (std::size_t a = 0; a < t.size(); ++a) {
         for (int k = 0; k < 3; ++k) {
-          forces[a].col(k) = at.stiffness.middleCols<3>(3 * k) *
+          forces[a].col(k) = at.stiffness.middleCols<3>(3 * Eigen::Index{k}) *
                              g.row(static_cast<Eigen::Index>(a)).transpose() * volume;
         }
       }

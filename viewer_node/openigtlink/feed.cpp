@@ -153,7 +153,9 @@ std::pair<igtl::Status, std::string> IgtlFeed::status(TimePoint now) const {
   for (std::size_t side = 0; side < mirrors_.size(); ++side) {
     const std::string& name = context_.session.sides[side].name;
     const auto add = [&](igtl::Status code, const std::string& what) {
-      text += (text.empty() ? "" : "; ") + (name.empty() ? "" : name + ": ") + what;
+      if (!text.empty()) text += "; ";
+      if (!name.empty()) text.append(name).append(": ");
+      text += what;
       worst = code;
     };
     const TelemetryMirror& mirror = mirrors_[side];

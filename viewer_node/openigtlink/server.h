@@ -20,9 +20,9 @@ namespace palpate::viewer::igtl {
 inline constexpr std::uint16_t kPort = 18944;
 inline constexpr std::size_t kMostClients = 8;
 /// That wait for a client which does not read.
-inline constexpr std::size_t kMostWaitingBytes = 256 * 1024;
+inline constexpr std::size_t kMostWaitingBytes = std::size_t{256} * 1024;
 /// Read from a client in a call of pump().
-inline constexpr std::size_t kMostReadBytes = 64 * 1024;
+inline constexpr std::size_t kMostReadBytes = std::size_t{64} * 1024;
 /// A client that reads nothing of what waits for so long is disconnected.
 inline constexpr Duration kStalledAfter = std::chrono::seconds(10);
 

@@ -392,7 +392,7 @@ class LibraryClient {
   std::map<std::string, Eigen::Matrix4d> transforms;
   std::map<std::string, int> forces;
   std::map<std::string, int> points;
-  std::map<std::string, int> polygons;
+  std::map<std::string, std::uint32_t> polygons;
   std::map<std::string, int> surfaces;
   std::map<std::string, Vector3> first_point_mm;
   std::vector<int> codes;
@@ -428,7 +428,7 @@ TEST_F(OpenIgtLink, DebiansLibraryReadsPosesForcesSurfacesAndStatus) {
   EXPECT_TRUE((client.transforms["Tool"].topLeftCorner<3, 3>().isIdentity(1e-6)));
   EXPECT_TRUE(client.is_in_newton);
   EXPECT_GT(client.points["fat"], 1000);
-  EXPECT_GT(client.polygons["fat"], 1000);
+  EXPECT_GT(client.polygons["fat"], 1000U);
   // what rests is not sent again
   EXPECT_EQ(client.surfaces["fat"], 1);
 
