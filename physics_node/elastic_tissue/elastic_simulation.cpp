@@ -40,7 +40,7 @@ elastic::DynamicsSettings settings() {
           .slow_ratio = 0.9,
           .slow_iterations = 4,
           .other_step_ratio = 16.01,
-          .most_rounds = 8};
+          .most_rounds = 4};
 }
 
 }  // namespace

@@ -14,12 +14,6 @@ namespace {
 thread_local palpate::test::LockUse use;
 thread_local palpate::Duration longest{};
 
-using Lock = int (*)(pthread_mutex_t*);
-Lock next_lock() noexcept {
-  static const auto next = reinterpret_cast<Lock>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
-  return next;
-}
-
 }  // namespace
 
 namespace palpate::test {
@@ -31,6 +25,16 @@ Duration take_longest_wait() noexcept { return std::exchange(longest, Duration::
 
 // The sanitizers replace it themselves.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+namespace {
+
+using Lock = int (*)(pthread_mutex_t*);
+Lock next_lock() noexcept {
+  static const auto next = reinterpret_cast<Lock>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
+  return next;
+}
+
+}  // namespace
+
 extern "C" int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
   ++use.locks;
   if (const int taken = pthread_mutex_trylock(mutex); taken != EBUSY) return taken;
