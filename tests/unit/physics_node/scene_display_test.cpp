@@ -90,7 +90,9 @@ TEST_F(SceneDisplayTest, TellsWhatTheToolReachesWhereThatIsKnown) {
   EXPECT_EQ(reach->center_m, Vector3(0.01, 0.0, 0.03));
   EXPECT_EQ(reach->half_extent_m, 2.0 * kSimulatedHalfExtent_m);
 
-  session_.side().driver = FalconConfig{.workspace_half_extent_m = Vector3::Constant(0.03)};
+  FalconConfig falcon;
+  falcon.workspace_half_extent_m = Vector3::Constant(0.03);
+  session_.side().driver = falcon;
   EXPECT_EQ(scene_of(session_, 1).reach->half_extent_m, Vector3::Constant(0.06));
   session_.side().driver = PluginConfig{};
   EXPECT_FALSE(scene_of(session_, 1).reach.has_value());
