@@ -499,7 +499,7 @@ TEST_F(SceneDisplayTest, ShowsTheStiffnessOfAnElasticBodyAndItsParts) {
   // a closed surface about the ball: its divergence is its volume
   double volume_m3 = 0.0;
   const auto corner_m = [&](std::size_t i) {
-    const float* at = &ball.mesh.vertices_m[3 * ball.mesh.triangles[i]];
+    const float* at = &ball.mesh.vertices_m[std::size_t{3} * ball.mesh.triangles[i]];
     return Vector3(at[0], at[1], at[2]);
   };
   for (std::size_t t = 0; t < ball.mesh.triangles.size(); t += 3) {
