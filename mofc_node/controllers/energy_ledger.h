@@ -37,9 +37,8 @@ struct Release {
 ///               friction dissipates at least h·d. On axis i |hᵢ| ≤ f_co Lᵢ/|L|, Lᵢ its recent
 ///               path. While its reading goes on hᵢ resists with all of that; else gᵢ stays where
 ///               it was as far as hᵢ can keep it, so that a force that trembles costs nothing
-///     viscous   f_d (|Δh| − w)₊² / Δt over windows: one closes when the hand has moved 16 q, so
-///     that
-///               slow motion at a high rate is not lost in the quantisation
+///     viscous   f_d (|Δh| − w)₊² / Δt over windows: one closes when the hand has moved
+///               16 q, so that slow motion at a high rate is not lost in the quantisation
 ///
 /// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
 /// vector form, or summed over the axes. E′ may dip below zero where the true energy does not.

@@ -38,8 +38,7 @@ struct BodyDescription {
 class Body {
  public:
   /// @throws std::invalid_argument  mesh not usable (quality_of), no fixed or attached node, a
-  /// node,
-  ///     region or material out of range
+  ///     node, region or material out of range
   /// @param alike  of the same elements and fixed nodes, in another shape: its order of
   ///     elimination is used; null: it is sought
   explicit Body(BodyDescription description, const Body* alike = nullptr);

@@ -148,9 +148,8 @@ std::string complaint_about_support(const Mesh& mesh,
   return "a part of " + std::to_string(elements_of[part]) + " of " +
          std::to_string(elements.size()) + " tetrahedra (the first is number " +
          std::to_string(part + 1) + ") " + kHold[static_cast<std::size_t>(hold(nodes))] +
-         "; let elastic.fixed or elastic.attached reach three of its nodes that are not on a line, "
-         "join "
-         "it to the rest by faces, or remove it";
+         "; let elastic.fixed or elastic.attached reach three of its nodes that are not on a "
+         "line, join it to the rest by faces, or remove it";
 }
 
 }  // namespace palpate::elastic

@@ -254,4 +254,10 @@ TelemetryFigures TelemetryMirror::figures() const {
   return figures;
 }
 
+const TelemetryMirror::JoinedTick* TelemetryMirror::newest_of_device() const {
+  const auto found = std::find_if(ticks_.rbegin(), ticks_.rend(),
+                                  [](const auto& tick) { return tick.second.device.has_value(); });
+  return found != ticks_.rend() ? &found->second : nullptr;
+}
+
 }  // namespace palpate::viewer

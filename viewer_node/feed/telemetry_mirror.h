@@ -108,6 +108,8 @@ class TelemetryMirror {
 
   /// The window, by sequence of the DeviceState and of the physics step.
   [[nodiscard]] const std::map<std::uint64_t, JoinedTick>& ticks() const { return ticks_; }
+  /// The newest of these that has the device's half; null: none yet.
+  [[nodiscard]] const JoinedTick* newest_of_device() const;
   [[nodiscard]] const std::map<std::uint64_t, PhysicsTick>& physics_ticks() const {
     return physics_ticks_;
   }

@@ -22,7 +22,7 @@ void check_control(const Session& session, const WebOptions& options) {
 
 WebControl::WebControl(NodeContext& context, ProcessLinks& links,
                        std::span<const TelemetryMirror> mirrors, WebServer& server)
-    : context_(context), mirrors_(mirrors), server_(server) {
+    : mirrors_(mirrors), server_(server) {
   header_.session_id = context.session_id;
   if (!context.session.viewer.has_control) return;
   if (may_change_tissue(context.session)) {

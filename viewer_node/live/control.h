@@ -43,7 +43,6 @@ class WebControl {
   [[nodiscard]] bool send(T& message, ZmqSender<T>& out, TimePoint now);
   void complain(std::uint64_t client, const char* what);
 
-  NodeContext& context_;
   std::span<const TelemetryMirror> mirrors_;
   WebServer& server_;
   std::optional<ZmqSender<TissueChange>> changes_;     // none: no client may change a tissue

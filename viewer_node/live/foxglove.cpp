@@ -24,13 +24,10 @@ struct Newest {
 };
 Newest newest_of(const TelemetryMirror& mirror) {
   const auto& ticks = mirror.ticks();
-  const auto device = std::find_if(ticks.rbegin(), ticks.rend(),
-                                   [](const auto& tick) { return tick.second.device.has_value(); });
-  const auto joined = std::find_if(device, ticks.rend(), [](const auto& tick) {
+  const auto joined = std::find_if(ticks.rbegin(), ticks.rend(), [](const auto& tick) {
     return tick.second.device.has_value() && tick.second.mofc.has_value();
   });
-  return {device != ticks.rend() ? &device->second : nullptr,
-          joined != ticks.rend() ? &joined->second : nullptr};
+  return {mirror.newest_of_device(), joined != ticks.rend() ? &joined->second : nullptr};
 }
 
 }  // namespace

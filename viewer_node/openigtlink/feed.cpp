@@ -16,14 +16,6 @@ constexpr Duration kReplyInterval = std::chrono::milliseconds(100);  // to a cli
 constexpr const char* kRegistration = "ImageToPatient";
 constexpr const char* kStatusName = "Palpate";
 
-/// The newest tick of the device; null: none yet.
-const DeviceTick* newest_of(const TelemetryMirror& mirror) {
-  const auto& ticks = mirror.ticks();
-  const auto found = std::find_if(ticks.rbegin(), ticks.rend(),
-                                  [](const auto& tick) { return tick.second.device.has_value(); });
-  return found != ticks.rend() ? &*found->second.device : nullptr;
-}
-
 }  // namespace
 
 IgtlFeed::IgtlFeed(NodeContext& context, std::uint16_t port, TelemetrySubscriber& subscriber,
@@ -90,8 +82,9 @@ void IgtlFeed::pump(TimePoint now) {
 
 void IgtlFeed::send_poses(igtl::Client& client, std::uint64_t at_ns) {
   for (std::size_t side = 0; side < mirrors_.size(); ++side) {
-    const DeviceTick* tick = newest_of(mirrors_[side]);
-    if (tick == nullptr) continue;
+    const TelemetryMirror::JoinedTick* newest = mirrors_[side].newest_of_device();
+    if (newest == nullptr) continue;
+    const std::optional<DeviceTick>& tick = newest->device;
     igtl::Pose tool = igtl::Pose::Identity();
     tool.linear() = tick->measured_tool_orientation_world.normalized().toRotationMatrix();
     tool.translation() = tick->measured_tool_position_world_m;

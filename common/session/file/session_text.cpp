@@ -150,10 +150,8 @@ bool SessionText::read(std::string_view text) {
     problems_.add(place_of(offset_of(mistake.position)), one_line(mistake.text));
   }
   for (const auto& error : messages.errors) {
-    const bool is_explained = !mistakes.empty() && error.position >= mistakes.front().position &&
-                              !outline.wrong_enumerator_before(error.position);
-    if (is_explained) continue;
     const auto wrong = outline.wrong_enumerator_before(error.position);
+    if (!wrong && !mistakes.empty() && error.position >= mistakes.front().position) continue;
     problems_.add(place_of(offset_of(wrong ? wrong->position : error.position)),
                   error_text(error, outline, "write 'name: value' or 'name { … }'"));
   }

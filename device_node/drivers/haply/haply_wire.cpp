@@ -20,8 +20,10 @@ struct TransformPart {
   const char* name;
   double neutral;
 };
-constexpr std::array kTransformParts{TransformPart{"position", 0.0}, TransformPart{"rotation", 0.0},
-                                     TransformPart{"scale", 1.0}};
+constexpr TransformPart kPosition{"position", 0.0};
+constexpr TransformPart kRotation{"rotation", 0.0};
+constexpr TransformPart kScale{"scale", 1.0};
+constexpr std::array kTransformParts{kPosition, kRotation, kScale};
 
 bool is_neutral(double value, const TransformPart& part) noexcept {
   return std::abs(value - part.neutral) <= 1e-6;
@@ -176,12 +178,9 @@ double number_at(const json& object, const json::json_pointer& path) {
 }
 
 /// Whether a part of {"position": …, "rotation": …, "scale": …} changes something.
-bool has_part(const json& transform, const char* name) {
-  if (!transform.is_object() || !transform.contains(name)) return false;
-  const json& found = transform.at(name);
-  const TransformPart& part =
-      *std::find_if(kTransformParts.begin(), kTransformParts.end(),
-                    [&](const TransformPart& one) { return std::string_view(one.name) == name; });
+bool has_part(const json& transform, const TransformPart& part) {
+  if (!transform.is_object() || !transform.contains(part.name)) return false;
+  const json& found = transform.at(part.name);
   const auto is_other = [&](const json& value) {
     return value.is_number() && !is_neutral(value.get<double>(), part);
   };
@@ -200,17 +199,17 @@ void refuse_transforms(const std::string& device_id, const json& mount, const js
     throw std::runtime_error("the Inverse Service " + what + " Inverse3 " + device_id + ": " + why +
                              "; " + remedy);
   };
-  if (has_part(mount, "scale")) {
+  if (has_part(mount, kScale)) {
     refuse("scales the positions of", "the work of the hand would be counted wrongly",
            "set the scale of its mount to 1");
   }
   for (const TransformPart& part : kTransformParts) {
-    if (!has_part(workspace, part.name)) continue;
+    if (!has_part(workspace, part)) continue;
     refuse(std::string("has a workspace transform (") + part.name + ") for",
            "positions would move without the hand, and its work would be counted wrongly",
            "reset it in the service (set_transform), and end its navigation");
   }
-  if (dialect == HaplyDialect::kValues && has_part(mount, "rotation")) {
+  if (dialect == HaplyDialect::kValues && has_part(mount, kRotation)) {
     refuse("turns the mount of",
            "of services before 3.5 it is not documented that forces are turned, too",
            "set the rotation to none there and give it in device.haply_inverse.mount, or use 3.5");
