@@ -325,7 +325,7 @@ std::vector<DisturbedScene> disturbed_scenes(const test::TempFolder& folder,
   add("shaft on the fine organ", tissue(fine.geometry), lean(fine.right_m), with_shaft);
   scenes.back().is_in_excerpt = false;  // takes as long as all others
 
-  // fast, and far away: descriptions that have to keep up
+  // fast, and far away: descriptions that have to keep up; each begins outside the tissue
   const Surface dense = of_triangles(folder, "dense organ", dense_organ(), 0.0);
   const auto far = [](double delay_ms, double rate_hz) {
     return OwnDisturbance{fmt::format("{:g} ms each way, {:g} Hz", delay_ms, rate_hz),
@@ -341,18 +341,18 @@ std::vector<DisturbedScene> disturbed_scenes(const test::TempFolder& folder,
     scenes.back().own_disturbances = rows;
   };
   add_far("slide at 150 mm/s, " + dense.name, tissue(dense.geometry),
-          {.center_m = dense.top_m - Vector3(dense.top_m.x(), dense.top_m.y(), 0.010),
-           .amplitude_m = {0.03, 0.02, 0.001},
+          {.center_m = dense.top_m - Vector3(dense.top_m.x(), dense.top_m.y(), 0.004),
+           .amplitude_m = {0.03, 0.02, 0.0062},
            .hz = {0.8, 0.11, 0.3},
-           .phase_rad = {0.0, 0.0, 0.0}},
+           .phase_rad = {0.0, 0.0, 1.57}},
           {far(55.0, 90.0), far(55.0, 250.0), far(55.0, 1000.0)});
   add_far("shaft on the " + dense.name, tissue(dense.geometry), lean(dense.right_m),
           {far(55.0, 90.0)}, with_shaft);
   add_far("scrub at 4 Hz, organ (cloud)", tissue(kOrganCloud),
-          {.center_m = cloud_top_m - Vector3(0.0, 0.0, 0.004),
-           .amplitude_m = {0.015, 0.004, 0.001},
+          {.center_m = cloud_top_m - Vector3(0.0, 0.0, 0.002),
+           .amplitude_m = {0.015, 0.004, 0.0035},
            .hz = {4.0, 0.1, 0.3},
-           .phase_rad = {0.0, 0.0, 0.0}},
+           .phase_rad = {0.0, 0.0, 1.57}},
           {far(40.0, 60.0)});
 
   // laws and motions that are hard to render, each beside the run without a controller

