@@ -37,20 +37,20 @@ bool WarpedFactor::factor(const VectorXd& x_m, const std::vector<double>& rotati
     }
     return std::visit([&](auto& cholesky) { return cholesky.factor(values_); }, cholesky_);
   };
-  is_exact_ = false;
+  is_ready_ = false;
   if (body_->description().law == Law::kCorotational || body_->has_inverted_element(x_m)) {
     // from inside out the exact stiffness leads to the nearest equilibrium, inside out, and with
     // the corotational law also from beside it
   } else if (left_out_ > 0) {
     --left_out_;
   } else if (try_factor(true)) {
-    is_exact_ = true;
+    is_ready_ = true;
     next_left_out_ = 1;
   } else {
     left_out_ = next_left_out_;
     next_left_out_ = std::min(2 * next_left_out_, kMostLeftOut);
   }
-  is_ready_ = is_exact_ || try_factor(false);
+  is_ready_ = is_ready_ || try_factor(false);
   shift_ = shift;
   reference_ = rotations;
   turn_back();

@@ -46,8 +46,6 @@ class WarpedFactor {
   static constexpr std::size_t kMostColumns = BlockCholesky<float>::kMostColumns;
 
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
-  /// The last factor is that of the exact stiffness.
-  [[nodiscard]] bool is_exact() const noexcept { return is_exact_; }
   [[nodiscard]] const Body::Shift& shift() const noexcept { return shift_; }
 
  private:
@@ -56,7 +54,6 @@ class WarpedFactor {
   BlockValues values_;
   Body::Shift shift_;
   bool is_ready_ = false;
-  bool is_exact_ = false;
   int left_out_ = 0;               // calls for which the exact stiffness will not be tried
   int next_left_out_ = 1;          // after another failure
   std::vector<double> reference_;  // rotations where it was factorised

@@ -18,8 +18,6 @@ namespace {
 // Of the compliance: an equilibrium that asks for more is none, the body moves.
 constexpr double kMostScale = 2.0;
 constexpr double kLeastScale = 1.0 / 3.0;
-// Error of the compliance beyond the last equilibrium, where new points begin to touch.
-constexpr double kLeastBeyondRatio = 0.2;
 
 constexpr double kLeastArea_m2 = 1e-12;
 // On the other side of the body.
@@ -88,14 +86,9 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
                                                            : forces_on_body_newton[chosen_[j]]);
     for (std::size_t b = 0; b < static_cast<std::size_t>(at.count); ++b) {
       const float* columns = compliance_.columns(at.nodes[b]);
-      // of the unit forces, in the frame of the columns
-      const RowMajor3f turned =
-          static_cast<float>(at.weights[b]) *
-          Eigen::Map<const RowMajor3f>(compliance_.turn_of(at.nodes[b])).transpose();
+      const auto weight = static_cast<float>(at.weights[b]);
       for (std::size_t row = 0; row < surface; ++row) {
-        const RowMajor3f block =
-            Eigen::Map<const RowMajor3f>(compliance_.turn_of(compliance_.surface_nodes()[row])) *
-            (Eigen::Map<const RowMajor3f>(columns + 9 * row) * turned);
+        const RowMajor3f block = weight * Eigen::Map<const RowMajor3f>(columns + 9 * row);
         for (std::size_t axis = 0; axis < 3; ++axis) {
           float* to = onto_surface_.data() + (3 * j + axis) * surface_stride_ + 3 * row;
           for (std::size_t i = 0; i < 3; ++i) {
@@ -134,9 +127,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   branches_.clear();
   ways_m_.clear();
   held_m_.clear();
-  checked_ratio_ = 0.0;
   scale_ = 1.0;
-  last_way_newton_ = 0.0;
 }
 
 void CondensedContact::swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,
@@ -285,7 +276,6 @@ bool CondensedContact::scale_compliance() {
   for (float& value : onto_surface_) value *= change;
   scale_ = scale;
   stepped_pace_ = 0.0;
-  last_way_newton_ = last.sum_newton - other.sum_newton;
   return true;
 }
 
@@ -305,16 +295,6 @@ void CondensedContact::start_between(double sum_newton) noexcept {
         (forces_newton_[i] - base_forces_newton_[i]).cast<float>();
   }
   multiply(in_step().data(), 3 * count_, 3 * count_, change.data(), displacements_m_.data());
-}
-
-void CondensedContact::bound_by(double error_ratio) noexcept {
-  checked_ratio_ = std::max(kLeastErrorRatio, std::abs(error_ratio));
-}
-
-void CondensedContact::read(Snapshot& snapshot) const {
-  snapshot.points.assign(chosen_.begin(), chosen_.end());
-  snapshot.forces_on_body_newton.assign(forces_newton_.begin(), forces_newton_.end());
-  snapshot.positions_m.assign(reached_m_.begin(), reached_m_.end());
 }
 
 void CondensedContact::begin_swing(double step_s, double pace) noexcept {
@@ -403,16 +383,6 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
     report.force_on_sphere_newton -= forces_newton_[i];
   }
   if (!modal_.is_empty()) modal_.move(forces_newton_);
-  const double sum_newton = sum_of_forces_newton();
-  if (checked_ratio_ > 0.0) {
-    const double beyond_newton = std::max(0.0, sum_newton - equilibria_.back().sum_newton);
-    report.error_bound_newton =
-        checked_ratio_ * sum_newton +
-        std::max(std::abs(scale_ - 1.0), kLeastBeyondRatio) * beyond_newton *
-            std::max(1.0, last_way_newton_ > 0.0 ? beyond_newton / last_way_newton_ : 1.0);
-  } else if (sum_newton > 0.0) {
-    report.error_bound_newton = std::numeric_limits<double>::infinity();
-  }
   return report;
 }
 

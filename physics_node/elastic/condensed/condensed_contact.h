@@ -18,8 +18,8 @@ namespace palpate::elastic {
 
 /// How the surface of a body gives way to forces at a few of its points, without its interior:
 /// u = C f for nodes of the surface, C = the rows and columns of the inverse stiffness [Cotin99,
-/// James99]. Columns are made when their node is first touched, can be kept in a file
-/// (compliance_file.h) and turn with the body [Saupin08].
+/// James99]. Columns are made when their node is first touched and can be kept in a file
+/// (compliance_file.h). C is that of the undeformed body: it does not turn with it.
 class SurfaceCompliance {
  public:
   /// @param factor  of the static stiffness; require() uses it, and factorises the undeformed body
@@ -33,27 +33,16 @@ class SurfaceCompliance {
 
   /// Makes the columns of nodes unless they are there, several together. These stay, whatever
   /// memory they take. Allocates.
-  /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once until
-  ///     clear()
+  /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once
   void require(std::span<const std::uint32_t> nodes);
-  /// Forgets all columns: the factor is another one. What turned since is nothing.
-  void clear();
-  /// What every node has turned since the factor was made: a quaternion per node of the body; for
-  /// a factor of the undeformed body EquilibriumSearch::rotations(). Columns stay as they are;
-  /// blocks are turned where they are used.
-  void turn_to(const std::vector<double>& rotations);
 
   /// Displacement of surface node `row` (an index of surface_nodes()) under a unit force at `node`
-  /// along each axis, 3 × 3 row-major at the returned place + 9 × row, not turned.
+  /// along each axis, 3 × 3 row-major at the returned place + 9 × row.
   /// Until the next require(). @pre require(node)
   [[nodiscard]] const float* columns(std::uint32_t node) const { return columns_.at(node).data(); }
-  /// What forces on `points` move a point of the surface, not turned. Makes the columns it needs.
+  /// What forces on `points` move a point of the surface. Makes the columns it needs.
   [[nodiscard]] Vector3d moved_m(const SurfacePoint& at, const std::vector<SurfacePoint>& points,
                                  const std::vector<Vector3d>& forces_newton);
-  /// 3 × 3, row-major.
-  [[nodiscard]] const float* turn_of(std::uint32_t node) const {
-    return turns_.data() + 9 * std::size_t{node};
-  }
   [[nodiscard]] const std::vector<std::uint32_t>& surface_nodes() const noexcept { return nodes_; }
   /// Index in surface_nodes(), −1: none.
   [[nodiscard]] std::int32_t row_of(std::uint32_t node) const { return row_of_[node]; }
@@ -81,7 +70,6 @@ class SurfaceCompliance {
   std::map<std::uint32_t, std::uint64_t> required_;  // when each was required last
   std::uint64_t requires_ = 0;
   std::size_t most_floats_;
-  std::vector<float> turns_;  // 9 per node of the body
   std::size_t made_ = 0;
   bool has_no_factor_ = false;
 };
@@ -91,11 +79,6 @@ struct CondensedReport {
   int touching = 0;
   int sweeps = 0;
   double deepest_m = 0.0;  ///< penetration that is left
-  /// Bound of the force's error against the full solution: the ratio of bound_by(), at least
-  /// kLeastErrorRatio, times the sum of forces; and the share by which the compliance was
-  /// wrong between the last two equilibria, times what came beyond the last. It does not include
-  /// the tolerance of the full solutions. Infinite without bound_by().
-  double error_bound_newton = 0.0;
 };
 
 /// Contact of a rigid sphere, quasi-static but for swing(), with at most kMostPoints points of a
@@ -105,7 +88,6 @@ class CondensedContact {
  public:
   static constexpr int kMostPoints = 128;
   static constexpr int kUsualPoints = 64;
-  static constexpr double kLeastErrorRatio = 0.01;
   static constexpr double kStiffness_pa_per_m = 1e10;
 
   /// @param stiffness_pa_per_m  > 0: the penalty of points that are held @see SphereContact
@@ -152,18 +134,6 @@ class CondensedContact {
   bool add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                        const std::vector<Vector3d>& forces_on_body_newton,
                        const VectorXd* v_m_per_s = nullptr, const VectorXd* creep_m = nullptr);
-
-  /// The relative error of the way of the points that a ContactCheck found: reports bound the error
-  /// of the force with it.
-  void bound_by(double error_ratio) noexcept;
-
-  /// What the last step found, for a ContactCheck. No allocation after the first call.
-  struct Snapshot {
-    std::vector<std::size_t> points;  ///< of prepare()'s list
-    std::vector<Vector3d> forces_on_body_newton;
-    std::vector<Vector3d> positions_m;
-  };
-  void read(Snapshot& snapshot) const;
 
   /// Forces for the sphere there; warm start from the last call. No allocation, lock or throw.
   /// @param step_s  since the last call, for the motion of relax(); 0: at rest
@@ -242,9 +212,7 @@ class CondensedContact {
   std::vector<Branch> branches_;
   std::vector<std::vector<Vector3d>> ways_m_;  // h of each branch, of each point
   std::vector<Vector3d> held_m_;               // positions_m_ less what the branches hold
-  double checked_ratio_ = 0.0;                 // of bound_by(); 0: nothing was checked
   double scale_ = 1.0;                         // of the compliance
-  double last_way_newton_ = 0.0;               // sum of forces between the last two equilibria
 };
 
 }  // namespace palpate::elastic

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -22,23 +21,6 @@ SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
   row_of_.assign(body.node_count(), -1);
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     row_of_[nodes_[i]] = static_cast<std::int32_t>(i);
-  }
-  turns_.resize(9 * body.node_count());
-  turn_to(no_rotations(body.node_count()));
-}
-
-void SurfaceCompliance::clear() {
-  columns_.clear();
-  required_.clear();
-  has_no_factor_ = false;
-  turn_to(no_rotations(body_.node_count()));
-}
-
-void SurfaceCompliance::turn_to(const std::vector<double>& rotations) {
-  for (std::size_t node = 0; node < body_.node_count(); ++node) {
-    const Eigen::Quaterniond turn(rotations[4 * node], rotations[4 * node + 1],
-                                  rotations[4 * node + 2], rotations[4 * node + 3]);
-    Eigen::Map<RowMajor3f>(turns_.data() + 9 * node) = turn.toRotationMatrix().cast<float>();
   }
 }
 
@@ -133,8 +115,7 @@ Vector3d SurfaceCompliance::moved_m(const SurfacePoint& at, const std::vector<Su
     for (std::size_t b = 0; b < static_cast<std::size_t>(from.count); ++b) {
       for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
         const auto row = static_cast<std::size_t>(row_of(at.nodes[a]));
-        const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> give(
-            columns(from.nodes[b]) + 9 * row);
+        const Eigen::Map<const RowMajor3f> give(columns(from.nodes[b]) + 9 * row);
         sum += at.weights[a] * from.weights[b] * (give.cast<double>() * forces_newton[p]);
       }
     }

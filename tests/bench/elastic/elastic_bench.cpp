@@ -20,7 +20,6 @@
 #include <vector>
 
 #include "physics_node/elastic/condensed/condensed_contact.h"
-#include "physics_node/elastic/condensed/contact_check.h"
 #include "physics_node/elastic/dynamics.h"
 #include "tests/bench/bench_output.h"
 #ifdef PALPATE_HAS_BULLET
@@ -272,85 +271,51 @@ void condensed_rows(const BenchOptions& options, std::vector<Row>& rows) {
       full_newton.push_back(contact.force_on_sphere_newton().z());
     }
   }
-  for (const bool is_checked : {true, false}) {
-    const PeakMemory memory;
-    const double from_s = cpu_s();
-    WarpedFactor factor(body, Precision::kFloat);
-    SurfaceCompliance compliance(body, factor, surface);
-    ContactCheck check(body, factor, compliance, points);
-    CondensedContact one(compliance, 0.0);
-    CondensedContact other(compliance, 0.0);
-    CondensedContact* in_use = &one;
-    CondensedContact* next = &other;
-    if (is_checked) {
-      check.begin(sphere_at(0.0), 0.005, 30, one);
-    } else {
-      one.prepare(points, body.rest_m(), {}, sphere_at(0.0), 30);
+  const PeakMemory memory;
+  const double from_s = cpu_s();
+  WarpedFactor factor(body, Precision::kFloat);
+  SurfaceCompliance compliance(body, factor, surface);
+  CondensedContact condensed(compliance, 0.0);
+  condensed.prepare(points, body.rest_m(), {}, sphere_at(0.0), 30);
+  const double prepare_s = cpu_s() - from_s;
+  std::vector<float> moved(condensed.surface_size());
+  Samples wall;
+  Samples cpu;
+  double worst_ratio = 0.0;  // down to 1 mm
+  double end_ratio = NAN;
+  int most_touching = 0;
+  for (int i = 1; i <= kSteps; ++i) {
+    CondensedReport report;
+    // some more for the percentiles; the same sphere again changes little
+    for (int again = 0; again < 5; ++again) {
+      const double start_wall = wall_s();
+      const double start_cpu = cpu_s();
+      const CondensedReport now = condensed.step(sphere_at(1e-5 * i), 0.005, 40, 1e-8);
+      condensed.move_surface(moved.data());
+      cpu.values.push_back(1e6 * (cpu_s() - start_cpu));
+      wall.values.push_back(1e6 * (wall_s() - start_wall));
+      if (again == 0) report = now;
     }
-    const double prepare_s = cpu_s() - from_s;
-    CondensedContact::Snapshot arriving;
-    CondensedContact::Snapshot taken;
-    std::vector<float> moved(in_use->surface_size());
-    Samples wall;
-    Samples cpu;
-    Samples checks;
-    double worst_ratio = 0.0;  // down to 1 mm
-    double over_bound = 0.0;   // largest error over its bound, everywhere
-    double end_ratio = NAN;
-    double end_bound_ratio = NAN;
-    int most_touching = 0;
-    for (int i = 1; i <= kSteps; ++i) {
-      CondensedReport report;
-      // some more for the percentiles; the same sphere again changes little
-      for (int again = 0; again < 5; ++again) {
-        const double start_wall = wall_s();
-        const double start_cpu = cpu_s();
-        const CondensedReport now = in_use->step(sphere_at(1e-5 * i), 0.005, 40, 1e-8);
-        in_use->move_surface(moved.data());
-        cpu.values.push_back(1e6 * (cpu_s() - start_cpu));
-        wall.values.push_back(1e6 * (wall_s() - start_wall));
-        if (again == 0) report = now;
-      }
-      most_touching = std::max(most_touching, report.touching);
-      if (i % kCompared == 0) {
-        const double full = full_newton[static_cast<std::size_t>(i / kCompared - 1)];
-        end_ratio = report.force_on_sphere_newton.z() / full - 1.0;
-        end_bound_ratio = report.error_bound_newton / full;
-        if (i <= 100) worst_ratio = std::max(worst_ratio, std::abs(end_ratio));
-        over_bound = std::max(over_bound, std::abs(end_ratio) / end_bound_ratio);
-      }
-      if (!is_checked || i % 20 != 0) continue;
-      in_use->read(taken);
-      if (i > 20) {
-        const double start_cpu = cpu_s();
-        check.check(arriving, sphere_at(1e-5 * i), 30, *next);
-        checks.values.push_back(1e3 * (cpu_s() - start_cpu));
-        std::swap(in_use, next);
-      }
-      std::swap(arriving, taken);
-    }
-    std::printf(
-        "condensed, %s: %d points, up to %d touch, %zu surface nodes, prepared in %.2f s of CPU"
-        " time; error at most %.2f %% down to 1 mm, %+.2f %% at 2 mm\n",
-        is_checked ? "checked" : "from the undeformed body", in_use->point_count(), most_touching,
-        surface.size(), prepare_s, 1e2 * worst_ratio, 1e2 * end_ratio);
-    if (is_checked) {
-      std::printf(
-          "  bound at 2 mm %.1f %%; largest error over its bound %.2f; a check %.1f ms of"
-          " CPU time\n",
-          1e2 * end_bound_ratio, over_bound, checks.at(0.5));
-    }
-    rows.push_back({.figures = {.problem = "condensed to 1 mm",
-                                .mesh = options.is_quick ? "12,800 tets" : "54,880 tets",
-                                .solver = is_checked ? "palpate, checked"
-                                                     : "palpate, from the undeformed body",
-                                .median_us = wall.at(0.5),
-                                .p99_us = wall.at(0.99),
-                                .error_ratio = worst_ratio},
-                    .cpu_median_us = cpu.at(0.5),
-                    .cpu_p99_us = cpu.at(0.99),
-                    .peak_mb = memory.megabytes()});
+    most_touching = std::max(most_touching, report.touching);
+    if (i % kCompared != 0) continue;
+    const double full = full_newton[static_cast<std::size_t>(i / kCompared - 1)];
+    end_ratio = report.force_on_sphere_newton.z() / full - 1.0;
+    if (i <= 100) worst_ratio = std::max(worst_ratio, std::abs(end_ratio));
   }
+  std::printf(
+      "condensed, from the undeformed body: %d points, up to %d touch, %zu surface nodes, prepared"
+      " in %.2f s of CPU time; error at most %.2f %% down to 1 mm, %+.2f %% at 2 mm\n",
+      condensed.point_count(), most_touching, surface.size(), prepare_s, 1e2 * worst_ratio,
+      1e2 * end_ratio);
+  rows.push_back({.figures = {.problem = "condensed to 1 mm",
+                              .mesh = options.is_quick ? "12,800 tets" : "54,880 tets",
+                              .solver = "palpate, from the undeformed body",
+                              .median_us = wall.at(0.5),
+                              .p99_us = wall.at(0.99),
+                              .error_ratio = worst_ratio},
+                  .cpu_median_us = cpu.at(0.5),
+                  .cpu_p99_us = cpu.at(0.99),
+                  .peak_mb = memory.megabytes()});
 }
 
 // Error of the static tip against the time to it: a line over the meshes of each solver of this

@@ -11,6 +11,7 @@
 
 #include "device_node/simulation/hand.h"
 #include "tests/support/device_node_bench.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/wired/hostile_commands.h"
 #include "tests/support/wired/wired_on_bench.h"
 
@@ -222,7 +223,7 @@ TEST_P(WiredScenarios, AfterAPowerCycleThereIsNoForceUntilItIsCalibratedAndAckno
     GTEST_SKIP() << "says itself that it has lost its calibration";
   }
   WiredSpec of = hostile(WireFault::kPowerCycle, 2.0, 0.1);
-  of.limit = 50ms;  // a board that is not set up is silent
+  of.limit = test::patience(50ms);  // a board that is not set up is silent
   Scenario run(of);
   run.bench.node.acknowledge();
   EXPECT_GT(run.run_until(2s), 0.3);
@@ -260,7 +261,7 @@ TEST_P(WiredScenarios, AfterAPowerCycleThereIsNoForceUntilItIsCalibratedAndAckno
 TEST_P(WiredScenarios, AReleaseThatFailsIsSaidAndBooked) {
   WiredSpec of = hostile(WireFault::kSilent, 2.0, 0.5);
   of.faults.push_back({.kind = WireFault::kNoWatchdog, .from_s = 1e-4, .length_s = 60.0});
-  of.limit = 50ms;
+  of.limit = test::patience(50ms);
   Scenario run(of);
   run.bench.node.acknowledge();
   EXPECT_GT(run.run_until(2s), 0.3);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "device_node/simulation/true_state.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/wired/wired_device.h"
 
 namespace palpate::test {
@@ -15,7 +16,7 @@ struct WiredSpec {
   Side side;
   WiredDriver driver;
   std::vector<device::PlannedFault> faults;
-  Duration limit = std::chrono::seconds(1);  ///< of a transfer, in real time
+  Duration limit = test::patience(std::chrono::seconds(1));  ///< of a transfer, in real time
 };
 
 /// Of the motors' watchdog 20 ms.

@@ -14,7 +14,6 @@
 
 #include "physics_node/elastic/condensed/compliance_file.h"
 #include "physics_node/elastic/condensed/condensed_contact.h"
-#include "physics_node/elastic/condensed/contact_check.h"
 #include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic/sphere_contact.h"
 #include "tests/bench/elastic/elastic_problems.h"
@@ -240,122 +239,11 @@ TEST_F(Condensed, AStepDoesNotAllocateAndNothingTouchedGivesNoForce) {
   EXPECT_EQ(away.force_on_sphere_newton.norm(), 0.0);
 }
 
-class Checked : public testing::Test {
+class ComplianceFile : public testing::Test {
  protected:
   Body body_{bench::standing_block(block_mesh(4, 5, 1.25e-3), Law::kStableNeoHookean)};
-  std::vector<SurfacePoint> points_ = bench::top_points(body_.mesh(), 0.006, 1);
   WarpedFactor factor_{body_, Precision::kFloat};
   SurfaceCompliance compliance_{body_, factor_, all_nodes(body_)};
-
-  double full_newton(double depth_m) {
-    SphereContact contact(points_, 4e8);
-    EquilibriumSearch search(body_);
-    WarpedFactor full(body_, Precision::kDouble);
-    VectorXd x = body_.rest_m();
-    for (const double part : {0.25, 0.5, 0.75, 1.0}) {
-      contact.set_sphere(sphere_at(part * depth_m), kRadius);
-      for (int round = 0; round < 4; ++round) {
-        EXPECT_TRUE(find_rest(search, full, &contact, {.tolerance_m = 1e-8}, x).is_converged);
-        contact.update_multipliers(x.data(), body_.pattern());
-      }
-    }
-    return contact.force_on_sphere_newton().z();
-  }
-};
-
-TEST_F(Checked, ForceIsWithinOnePerCentOfTheFullSolutionDownToOneMillimetreAndTheBoundBeyond) {
-  ContactCheck check(body_, factor_, compliance_, points_);
-  CondensedContact condensed(compliance_, 0.0);
-  CondensedContact next(compliance_, 0.0);
-  check.begin(sphere_at(0.0), kRadius, 30, condensed);
-  CondensedContact* in_use = &condensed;
-  CondensedContact* other = &next;
-  CondensedContact::Snapshot snapshot;
-  // 10 mm/s, checks at 50 Hz that need 20 ms
-  for (int i = 1; i <= (test::kIsSanitized ? 60 : 200); ++i) {
-    const double depth_m = 1e-5 * i;
-    const CondensedReport report = in_use->step(sphere_at(depth_m), kRadius, 40, 1e-8);
-    if (i == 30 || i == 50 || i == 100 || i == 150 || i == 200) {
-      const double full = full_newton(depth_m);
-      const double error = std::abs(report.force_on_sphere_newton.z() - full);
-      if (depth_m < 1.001e-3) {
-        EXPECT_LT(error, 0.01 * full) << depth_m;
-      }
-      EXPECT_LT(error, report.error_bound_newton) << depth_m;
-      EXPECT_LT(report.error_bound_newton, 0.5 * full) << depth_m;
-    }
-    if (i % 20 != 0) continue;
-    CondensedContact::Snapshot now;
-    in_use->read(now);
-    if (i > 20) {
-      check.check(snapshot, sphere_at(depth_m), 30, *other);
-      std::swap(in_use, other);
-    }
-    snapshot = now;
-  }
-  if (test::kIsSanitized) return;
-  // the rest compliance by itself is no longer right there: with nothing but the undeformed state
-  CondensedContact unchecked(compliance_, 0.0);
-  compliance_.turn_to(no_rotations(body_.node_count()));
-  unchecked.prepare(points_, body_.rest_m(), {}, sphere_at(0.0), 30);
-  CondensedReport report;
-  for (int i = 1; i <= 200; ++i) report = unchecked.step(sphere_at(1e-5 * i), kRadius, 40, 1e-8);
-  EXPECT_TRUE(std::isinf(report.error_bound_newton));
-  EXPECT_GT(std::abs(report.force_on_sphere_newton.z() / full_newton(2e-3) - 1.0), 0.02);
-}
-
-TEST_F(Checked, ANewFactorAtTheLastEquilibriumIsTheTangentThere) {
-  ContactCheck check(body_, factor_, compliance_, points_);
-  CondensedContact condensed(compliance_, 0.0);
-  check.begin(sphere_at(0.0), kRadius, 30, condensed);
-  for (int i = 1; i <= 100; ++i) condensed.step(sphere_at(2e-5 * i), kRadius, 100, 1e-9);
-  CondensedContact::Snapshot snapshot;
-  condensed.read(snapshot);
-  check.check(snapshot, sphere_at(2e-3), 30, condensed);
-  ASSERT_TRUE(check.renew_factor());
-  EXPECT_TRUE(compliance_.all_columns().empty());
-
-  // a little deeper, from this equilibrium alone
-  std::vector<Vector3d> forces(points_.size(), Vector3d::Zero());
-  for (std::size_t i = 0; i < snapshot.points.size(); ++i) {
-    forces[snapshot.points[i]] = snapshot.forces_on_body_newton[i];
-  }
-  CondensedContact tangent(compliance_, 0.0);
-  tangent.prepare(points_, check.x_m(), forces, sphere_at(2e-3), 40);
-  for (int i = 0; i < 20; ++i) tangent.step(sphere_at(2.1e-3), kRadius, 400, 1e-10);
-  const CondensedReport report = tangent.step(sphere_at(2.1e-3), kRadius, 400, 1e-10);
-  const double full = full_newton(2.1e-3);
-  EXPECT_NEAR(report.force_on_sphere_newton.z(), full, 0.01 * full);
-}
-
-TEST_F(Checked, ColumnsTurnWithTheBody) {
-  // a quarter turn about z: x → y, y → −x
-  std::vector<double> rotations = no_rotations(body_.node_count());
-  for (std::size_t i = 0; i < rotations.size(); i += 4) {
-    rotations[i] = rotations[i + 3] = std::sqrt(0.5);
-  }
-  VectorXd turned = body_.rest_m();
-  const Vector3d middle(0.05, 0.05, 0.0);
-  for (Eigen::Index i = 0; i < turned.size(); i += 3) {
-    const Vector3d from = body_.rest_m().segment<3>(i) - middle;
-    turned.segment<3>(i) = middle + Vector3d(-from.y(), from.x(), from.z());
-  }
-  const auto press = [&](const VectorXd& x, const Vector3d& centre) {
-    CondensedContact condensed(compliance_, 0.0);
-    condensed.prepare(points_, x, {}, centre, 30);
-    return condensed.step(centre, kRadius, 400, 1e-10).force_on_sphere_newton;
-  };
-  const Vector3d straight = press(body_.rest_m(), {0.0515, 0.0505, 0.0546});
-  compliance_.turn_to(rotations);
-  const Vector3d after = press(turned, {0.0495, 0.0515, 0.0546});
-  EXPECT_GT(std::abs(straight.x()), 1e-4);
-  EXPECT_NEAR(after.x(), -straight.y(), 1e-5 * straight.norm());
-  EXPECT_NEAR(after.y(), straight.x(), 1e-5 * straight.norm());
-  EXPECT_NEAR(after.z(), straight.z(), 1e-5 * straight.norm());
-}
-
-class ComplianceFile : public Checked {
- protected:
   std::filesystem::path folder_ =
       std::filesystem::temp_directory_path() / ("palpate_compliance_" + std::to_string(::getpid()));
   std::filesystem::path file_;
