@@ -6,7 +6,10 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <array>
 #include <csignal>
+#include <cstddef>
+#include <cstring>
 
 namespace palpate {
 
@@ -30,11 +33,13 @@ class TerminalAcknowledgement {
     bool is_there = signals_ != 0;
     signals_ = 0;
     pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
-    while (!is_at_end_ && ::poll(&input, 1, 0) > 0) {
-      char letter = 0;
-      if (::read(STDIN_FILENO, &letter, 1) != 1) {
+    // all that was typed, and no more than that of an input without end
+    for (int reads = 0; reads < kMostReads && !is_at_end_ && ::poll(&input, 1, 0) > 0; ++reads) {
+      std::array<char, 1024> letters{};
+      const ssize_t count = ::read(STDIN_FILENO, letters.data(), letters.size());
+      if (count <= 0) {
         is_at_end_ = true;
-      } else if (letter == '\n') {
+      } else if (std::memchr(letters.data(), '\n', static_cast<std::size_t>(count)) != nullptr) {
         is_there = true;
       }
     }
@@ -42,6 +47,7 @@ class TerminalAcknowledgement {
   }
 
  private:
+  static constexpr int kMostReads = 64;
   static inline volatile std::sig_atomic_t signals_ = 0;
   struct sigaction before_ {};
   bool is_at_end_ = false;
