@@ -166,6 +166,7 @@ void MofcNode::begin_device_session() noexcept {
   choice_.begin_session();
   tissue_.reset();
   echo_.reset();
+  has_lost_press_ = true;
   ++counters_.ledger_resets;
 }
 
@@ -264,8 +265,13 @@ void MofcNode::count(const MofcTick& turn, const DeviceEcho::Report& echo,
   if (physics.is_late) ++counters_.late_physics_ticks;
   if (phase != SilenceFade::Phase::kPresent) ++counters_.stale_ticks;
 
-  if (phase != SilenceFade::Phase::kPresent || physics.is_late || echo.has_gap ||
-      2 * echo.since_answered > 3 * period_) {
+  const bool is_silent = phase != SilenceFade::Phase::kPresent;
+  if (is_silent || echo.since_answered > kAftermath) {
+    has_lost_press_ = true;  // without its force nobody knows what energy a press has stored
+  } else if (physics.interaction != nullptr && !turn.is_in_contact) {
+    has_lost_press_ = false;
+  }
+  if (has_lost_press_ || physics.is_late || echo.has_gap || 2 * echo.since_answered > 3 * period_) {
     disturbed_ = turn.device_sampled_at;
   }
   if (!disturbed_ || turn.device_sampled_at - *disturbed_ > kAftermath) return;

@@ -115,6 +115,7 @@ class MofcNode {
 
   Duration period_;                     // of the device
   std::optional<TimePoint> disturbed_;  // newest reading that something disturbed
+  bool has_lost_press_ = false;  // lost its force or the ledger; until the tool leaves the tissue
   std::optional<std::uint64_t> device_session_;
   std::uint64_t next_command_ = 1;
   std::optional<std::uint64_t> used_interaction_;  // sequence of the last one that was evaluated

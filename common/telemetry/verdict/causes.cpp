@@ -244,6 +244,11 @@ Cause Causes::of_no_contact() const {
                             " of the ticks, where the tool does not follow the hand: release "
                             "device.workspace.clutch_button"};
   }
+  if (f_.is_foreign_physics && f_.mofc.interaction.accepted > 0) {
+    return {"no_contact_told",
+            "the program of physics.command answers, but never with a contact or a force: check "
+            "its scene and units (`palpate conform physics` presses into it), and the hand's path"};
+  }
   if (!f_.is_simulated) return {"no_contact", "move the device to the tissue"};
   const double run_s = ticks / f_.device_rate_hz;
   if (run_s < kWholeRun * f_.duration_s) {
@@ -472,6 +477,11 @@ Cause Causes::of_loss(double loss) const {
     return {"interaction_held", "forces arrive a round trip late: set mofc.interaction=local"};
   }
   if (const auto cause = rate_and_mode()) return *cause;
+  if (place == LossPlace::kDisturbed) {
+    return {"press_lost",
+            "mofc_node began, or the force came back, while the tool was in tissue, where nobody "
+            "knows what energy the press has stored: the force is limited until the tool leaves"};
+  }
   return {"tissue_stiff",
           "the requested force creates energy that the device's friction cannot absorb: softer "
           "tissue, another damping of it, or a higher device.rate_hz"};

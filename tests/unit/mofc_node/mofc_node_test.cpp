@@ -84,7 +84,7 @@ class MofcNodeTest : public testing::Test {
     interaction.device_sampled_at =
         clock_.now() - (interaction.device_sequence >= sequence_ ? 0ms : 3ms);
     interaction.force_on_tool_newton = force_newton;
-    interaction.contact_count = 1;
+    interaction.contact_count = contacts_;
     ASSERT_EQ(interaction_link_.send(interaction), SendResult::kSent);
   }
 
@@ -104,6 +104,7 @@ class MofcNodeTest : public testing::Test {
   MofcNode node_;
   std::uint64_t sequence_ = 0;
   std::uint64_t physics_sequence_ = 0;
+  std::uint32_t contacts_ = 1;
   Vector3 position_m_ = Vector3::Zero();
   Vector3 echoed_newton_ = Vector3::Zero();
   bool is_clutched_ = false;
@@ -184,36 +185,53 @@ TEST_F(MofcNodeTest, FadesToZeroAfterSilence) {
   EXPECT_EQ(records_.ticks.back().commanded_force_on_hand_newton.z(), 2.0);
 }
 
-// silent physics, and 0.1 s after it; a tick of the device that is missing, and so long after it
+// A press that lost its force, or in which mofc_node began, to its end and 0.1 s on; a tick of the
+// device that is missing, and so long after it.
 TEST_F(MofcNodeTest, CountsContactNearADisturbance) {
   tick();
   const auto run = [&](int ticks) {
     for (int i = 0; i < ticks; ++i) {
       clock_.advance(1ms);
-      physics_sends({0, 0, 2});
+      physics_sends({0, 0, contacts_ > 0 ? 2.0 : 0.0});
       tick();
     }
   };
+  const auto leave_tissue = [&] {
+    contacts_ = 0;
+    run(200);
+    contacts_ = 1;
+  };
+  run(150);
+  EXPECT_EQ(node_.counters().disturbed_contact_ticks, 150u) << "it began in tissue";
+  leave_tissue();
   run(50);
-  EXPECT_EQ(node_.counters().contact_ticks, 50u);
-  EXPECT_EQ(node_.counters().disturbed_contact_ticks, 0u);
+  EXPECT_EQ(node_.counters().contact_ticks, 200u);
+  EXPECT_EQ(node_.counters().disturbed_contact_ticks, 150u);
   for (int i = 0; i < 20; ++i) {  // silent, and stale after 6 ms
     clock_.advance(1ms);
     tick();
   }
   EXPECT_GT(node_.counters().stale_ticks, 0u);
   const std::uint64_t silent = node_.counters().disturbed_contact_ticks;
-  EXPECT_GT(silent, 10u);
+  EXPECT_GT(silent, 160u);
   run(300);
+  EXPECT_EQ(node_.counters().disturbed_contact_ticks, silent + 300);
+  leave_tissue();
+  run(200);
   const std::uint64_t after = node_.counters().disturbed_contact_ticks;
-  EXPECT_GE(after, silent + 100);
-  EXPECT_LE(after, silent + 160);  // the force grows again for 50 ms
-  lost_for_ = 2ms;                 // what acted since the last answer
+  EXPECT_EQ(after, silent + 300);
+  lost_for_ = 2ms;  // what acted since the last answer
   clock_.advance(1ms);
   tick();
   lost_for_ = 1ms;
   run(200);
   EXPECT_EQ(node_.counters().disturbed_contact_ticks, after + 101);
+  lost_for_ = 150ms;  // no force acts for so long
+  clock_.advance(1ms);
+  tick();
+  lost_for_ = 1ms;
+  run(300);
+  EXPECT_EQ(node_.counters().disturbed_contact_ticks, after + 101 + 301);
   EXPECT_EQ(node_.counters().disturbed_clamped_ticks, 0u);
 }
 

@@ -368,6 +368,20 @@ inline std::vector<VerdictCase> verdict_cases() {
        "bad",
        [](TroubledRun& run) { run.mofc.contact_ticks = 0; },
        {"duration_s=17"}},
+      {"a physics of somebody's own that never answers with a force",
+       "no_contact_told",
+       "check its scene and units",
+       "bad",
+       [](TroubledRun& run) { run.mofc.contact_ticks = 0; },
+       {"duration_s=17", "physics.command=[\"./own\"]"}},
+      {"a mofc_node that begins while the tool is in tissue", "press_lost", "until the tool leaves",
+       "bad",
+       [](TroubledRun& run) {
+         started_late(run, 1'100);
+         run.mofc.clamped_ticks = run.mofc.contact_ticks / 2;
+         run.mofc.disturbed_contact_ticks = run.mofc.disturbed_clamped_ticks =
+             run.mofc.clamped_ticks;
+       }},
       {"held forces of a slow physics",
        "physics_rate",
        "mofc.interaction=local",
