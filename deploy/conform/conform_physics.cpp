@@ -52,6 +52,7 @@ constexpr double kRestRatio = 0.05;
 constexpr double kWatch_s = 2.1;           // at rest
 constexpr double kSlowRatio = 0.25;        // of the force, in that time; tissue may relax
 constexpr double kLeastRate = 0.5;         // of physics.rate_hz
+constexpr double kMostWaiting = 0.1;       // of the time: for a processor
 constexpr int kRests = 5;                  // of 0.4 s, the longest time to come to rest
 constexpr double kEnergyRatio = 0.05;      // of the work done by and on the tissue
 constexpr double kSlideEnergyRatio = 0.2;  // the same, if it is stiffer at one place
@@ -87,9 +88,12 @@ class Suite {
     engine_ = std::make_unique<EngineProcess>(program_);
     connect();
     if (!start()) return findings_;
+    const TimePoint begin = clock_.now();
+    const Duration before = engine_->waited();
     tour_.take(*mofc_);
     rest();
     silence();
+    waiting_ratio_ = to_seconds(engine_->waited() - before) / to_seconds(clock_.now() - begin);
     motion_findings();
     sides();
     peers();
@@ -132,6 +136,24 @@ class Suite {
                          .is_good = problem.empty(),
                          .text = problem.empty() ? good : problem,
                          .remedy = problem.empty() ? "" : remedy});
+    if (options_.on_finding) options_.on_finding(findings_.back());
+  }
+
+  /// What a program also falls short in if it gets no processor.
+  void find_in_time(const std::string& check, const std::string& problem, const std::string& good,
+                    const std::string& remedy) {
+    if (problem.empty() || waiting_ratio_ < kMostWaiting) {
+      find(check, problem, good, remedy);
+      return;
+    }
+    findings_.push_back(
+        {.check = check,
+         .is_good = false,
+         .text = fmt::format("not judged: the program waited for a processor in {:.0f} % of the "
+                             "time, and {}",
+                             100.0 * waiting_ratio_, problem),
+         .remedy = "try again where nothing else runs",
+         .is_checked = false});
     if (options_.on_finding) options_.on_finding(findings_.back());
   }
 
@@ -193,11 +215,12 @@ class Suite {
     const std::string found =
         fmt::format("the contacts predict the next forces, a quarter of them to {:.1f} %",
                     100.0 * tour_.models().worst_error());
-    find("model", tour_.models().model_problem(),
-         tour_.models().is_compared() ? found : "no contacts to compare",
-         "the law of a contact holds around the reference, up to its trust_radius_m: "
-         "d_force_d_position is the derivative of its elastic force, negative along the normal for "
-         "tissue that resists, surface_velocity_world_m_per_s that of the tissue");
+    find_in_time(
+        "model", tour_.models().model_problem(),
+        tour_.models().is_compared() ? found : "no contacts to compare",
+        "the law of a contact holds around the reference, up to its trust_radius_m: "
+        "d_force_d_position is the derivative of its elastic force, negative along the normal for "
+        "tissue that resists, surface_velocity_world_m_per_s that of the tissue");
   }
 
   void rest() {
@@ -264,7 +287,7 @@ class Suite {
 
   void motion_findings() {
     const double period_s = 1.0 / session_.physics.rate_hz;
-    find(
+    find_in_time(
         "answers",
         mofc_->longest_silence_s() <= kLongestSilence_s
             ? ""
@@ -276,27 +299,29 @@ class Suite {
     const double rate_hz = mofc_->rate_hz();
     const std::string rate =
         fmt::format("{:.0f} answers per second, of {:g}", rate_hz, session_.physics.rate_hz);
-    find("rate", rate_hz >= kLeastRate * session_.physics.rate_hz ? "" : rate, rate,
-         "step at physics.rate_hz, or set it to what the engine can do");
+    find_in_time("rate", rate_hz >= kLeastRate * session_.physics.rate_hz ? "" : rate, rate,
+                 "step at physics.rate_hz, or set it to what the engine can do");
     std::vector<double> delays = mofc_->delays_s();
     std::sort(delays.begin(), delays.end());
     const double median = delays.empty() ? 0.0 : delays[delays.size() / 2];
     const double most = std::max(kMostDelay_s, 3.0 * period_s);
-    find("delay",
-         median <= most ? "" : fmt::format("answers are {:.1f} ms late (median)", 1e3 * median),
-         fmt::format("{:.1f} ms (median)", 1e3 * median),
-         fmt::format("answer the newest motion, not a queue of old ones, within {:.0f} ms",
-                     1e3 * most));
+    find_in_time(
+        "delay",
+        median <= most ? "" : fmt::format("answers are {:.1f} ms late (median)", 1e3 * median),
+        fmt::format("{:.1f} ms (median)", 1e3 * median),
+        fmt::format("answer the newest motion, not a queue of old ones, within {:.0f} ms",
+                    1e3 * most));
     find_stamps();
     find_frames();
-    find("jumps",
-         tour_.worst_jump_newton() == 0.0
-             ? ""
-             : fmt::format("the force jumps by {:.3g} N while the tool moves by {:.3g} mm",
-                           tour_.worst_jump_newton(), 1e3 * tour_.worst_jump_m()),
-         "the force follows the motion without a jump",
-         "look for contacts that come and go, a solver that does not converge, or stiffness beyond "
-         "10 kN/m");
+    find_in_time(
+        "jumps",
+        tour_.worst_jump_newton() == 0.0
+            ? ""
+            : fmt::format("the force jumps by {:.3g} N while the tool moves by {:.3g} mm",
+                          tour_.worst_jump_newton(), 1e3 * tour_.worst_jump_m()),
+        "the force follows the motion without a jump",
+        "look for contacts that come and go, a solver that does not converge, or stiffness beyond "
+        "10 kN/m");
     contact_findings();
     std::string problem;
     for (const Loop& loop : tour_.loops()) {
@@ -306,9 +331,10 @@ class Suite {
         problem = fmt::format("{} gives the hand {:.3g} mJ", loop.name, 1e3 * work);
       }
     }
-    find("energy", problem, "closed paths give the hand no energy",
-         "let the force be the gradient of a stored energy, less damping; a force that lags behind "
-         "the motion gives energy too: answer with the force of the pose that is answered");
+    find_in_time(
+        "energy", problem, "closed paths give the hand no energy",
+        "let the force be the gradient of a stored energy, less damping; a force that lags behind "
+        "the motion gives energy too: answer with the force of the pose that is answered");
   }
 
   /// Each has its own endpoints.
@@ -435,6 +461,7 @@ class Suite {
   std::unique_ptr<EngineProcess> engine_;
   std::unique_ptr<MofcSide> mofc_;
   Tour tour_;
+  double waiting_ratio_ = 0.0;  // of the time of the motions: the program, for a processor
   std::vector<ConformFinding> findings_;
 };
 

@@ -23,7 +23,8 @@ struct ConformOptions {
 
 /// Starts the program, plays mofc_node to it along scripted motions, ends and restarts it, all in
 /// about 10 s. Checks: start, answers, rate, stamps, silence, delay, rest, jumps, contacts, model,
-/// energy, sides, peers, restarts, suspension, stop.
+/// energy, sides, peers, restarts, suspension, stop. What depends on time is not judged
+/// (is_checked) if it falls short while the machine keeps the program from a processor.
 /// @return a finding for each; those after a physics that never answers are missing
 /// @throws SetupError  if the command or the session cannot be used
 [[nodiscard]] std::vector<ConformFinding> conform_physics(const ConformOptions& options);

@@ -5,8 +5,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -77,6 +81,21 @@ std::optional<int> EngineProcess::wait(std::chrono::milliseconds deadline) {
   const auto end = std::chrono::steady_clock::now() + deadline;
   while (is_running() && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(kPoll);
   return status_;
+}
+
+std::chrono::nanoseconds EngineProcess::waited() const {
+  std::uint64_t longest_ns = 0;
+  std::error_code error;
+  const std::filesystem::path threads = "/proc/" + std::to_string(pid_) + "/task";
+  for (std::filesystem::directory_iterator it(threads, error), end; !error && it != end;
+       it.increment(error)) {
+    std::uint64_t ran_ns = 0;
+    std::uint64_t waited_ns = 0;
+    if (std::ifstream(it->path() / "schedstat") >> ran_ns >> waited_ns) {
+      longest_ns = std::max(longest_ns, waited_ns);
+    }
+  }
+  return std::chrono::nanoseconds(longest_ns);
 }
 
 }  // namespace palpate

@@ -25,6 +25,9 @@ class EngineProcess {
   /// Waits for its end.
   /// @return exit status, or 128 + the signal that ended it; none at the deadline
   [[nodiscard]] std::optional<int> wait(std::chrono::milliseconds deadline);
+  /// How long the thread that waited longest for a processor has waited since it began; 0 where the
+  /// kernel does not tell.
+  [[nodiscard]] std::chrono::nanoseconds waited() const;
 
  private:
   pid_t pid_ = 0;

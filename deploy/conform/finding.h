@@ -12,7 +12,7 @@ struct ConformFinding {
   bool is_good = false;
   std::string text;         ///< what was found
   std::string remedy = {};  ///< empty if it is good
-  bool is_checked = true;   ///< false: it cannot be observed; is_good says nothing
+  bool is_checked = true;   ///< false: it cannot be observed or judged; is_good says nothing
 };
 
 /// As --json has it. @tparam Json  of nlohmann

@@ -26,8 +26,11 @@ namespace {
 /// Prints the findings of a suite as they come, and writes them at its end.
 class Findings {
  public:
-  explicit Findings(const OutputOptions& output)
-      : json_(output), out_(output.json_file == "-" ? stderr : stdout) {}
+  /// @param must_judge_all  what is not judged is a failure, too
+  explicit Findings(const OutputOptions& output, bool must_judge_all = false)
+      : json_(output),
+        out_(output.json_file == "-" ? stderr : stdout),
+        must_judge_all_(must_judge_all) {}
 
   void add(const ConformFinding& found) {
     std::string text = found.check + ": " + found.text;
@@ -37,6 +40,7 @@ class Findings {
       is_good_ = is_good_ && found.is_good;
     } else {
       text = "  -     " + text + "\n";
+      is_good_ = is_good_ && !must_judge_all_;
     }
     std::fputs(text.c_str(), out_);
     std::fflush(out_);
@@ -51,6 +55,7 @@ class Findings {
  private:
   JsonOutput json_;
   std::FILE* out_;
+  bool must_judge_all_;
   bool is_good_ = true;
   nlohmann::ordered_json list_ = nlohmann::ordered_json::array();
 };
@@ -60,7 +65,10 @@ void add_output_options(CLI::App& app, OutputOptions& output) {
                  "write the findings to this file, - for standard output")
       ->type_name("FILE");
   add_overwrite_flag(app, output.may_overwrite);
-  app.footer("Exit status: 0 if all is good, 1 if something falls short, 2 if it cannot be tried.");
+  app.footer(
+      "Exit status: 0 if all is good, 1 if something falls short or the machine is too busy to "
+      "judge "
+      "it, 2 if it cannot be tried.");
 }
 
 struct ConformPhysics {
@@ -104,7 +112,7 @@ struct ConformPhysics {
       inputs.insert(inputs.end(), read.begin(), read.end());
     }
     check_outputs({{"--json", output.json_file}}, inputs, output.may_overwrite);
-    Findings findings(output);
+    Findings findings(output, true);
     options.on_finding = [&](const ConformFinding& found) { findings.add(found); };
     static_cast<void>(conform_physics(options));
     return findings.write();

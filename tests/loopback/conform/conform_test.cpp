@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sched.h>
+
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
@@ -12,6 +14,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -126,6 +129,32 @@ TEST(ConformPhysics, NamesEachFault) {
     ASSERT_NE(found, report.is_good.end()) << fault << "\n" << report.text << run->err();
     EXPECT_FALSE(found->second) << fault << "\n" << report.text;
   }
+}
+
+// A program that always computes shares one processor with three others.
+TEST(ConformPhysics, OnABusyMachineJudgesNothingThatTakesAProcessor) {
+  if (!std::filesystem::exists("/proc/self/schedstat")) GTEST_SKIP() << "the kernel does not tell";
+  cpu_set_t all;
+  cpu_set_t one;
+  ASSERT_EQ(sched_getaffinity(0, sizeof(all), &all), 0);
+  CPU_ZERO(&one);
+  int processor = 0;
+  while (!CPU_ISSET(processor, &all)) ++processor;
+  CPU_SET(processor, &one);
+  ASSERT_EQ(sched_setaffinity(0, sizeof(one), &one), 0);  // what begins now inherits it
+  std::vector<std::jthread> others;
+  for (int i = 0; i < 3; ++i) {
+    others.emplace_back([](const std::stop_token& stop) {
+      while (!stop.stop_requested()) {
+      }
+    });
+  }
+  Conform run({"physics", "--", bin("wrong_physics"), "busy", "--session", "{session}"});
+  ASSERT_EQ(sched_setaffinity(0, sizeof(all), &all), 0);
+  const Report report = run.report();
+  others.clear();
+  EXPECT_EQ(report.status, 1) << report.text << run.err();
+  EXPECT_THAT(report.text, HasSubstr("-     rate: not judged: the program waited for a processor"));
 }
 
 // Each sense of a path is judged.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <ctime>
 #include <deque>
 #include <memory>
 #include <numbers>
@@ -53,6 +54,7 @@ class WrongEngine final : public physics::Engine {
     if (fault_ == "slow")
       force *= 1.0 + 0.8 * std::sin(2.0 * std::numbers::pi * 0.24 * seconds_of(now));
     if (fault_ == "rate" && steps_ % 25 != 0) return false;
+    if (fault_ == "busy") compute(5ms);
     if (fault_ == "sides" && side_ == "right") return false;
     if (fault_ == "pull") force = -force;
     answer.listed_count = answer.contact_count = depth_m > 0.0 ? 1 : 0;
@@ -73,6 +75,17 @@ class WrongEngine final : public physics::Engine {
   }
 
  private:
+  /// Never sleeps: this step takes so long on a processor of its own.
+  static void compute(std::chrono::milliseconds time) noexcept {
+    const auto used = [] {
+      timespec now{};
+      clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+      return std::chrono::seconds(now.tv_sec) + std::chrono::nanoseconds(now.tv_nsec);
+    };
+    const auto begin = used();
+    while (used() - begin < time) {
+    }
+  }
   /// The answer of 60 ms ago.
   bool delay(Interaction& answer, TimePoint now) {
     answers_.emplace_back(now, answer);

@@ -142,6 +142,31 @@ TEST(Glossary, TheScansFindKeysAndSections) {
             (std::set<std::string>{"y"}));
 }
 
+// `Suite.Name` of a test in C++, `path: words` of another file below tests/.
+TEST(Changelog, NamesTestsThatExist) {
+  std::string sources;
+  for (const auto& entry : fs::recursive_directory_iterator(kRoot / "tests")) {
+    if (entry.path().extension() == ".cpp") sources += text_of(entry.path());
+  }
+  const std::set<std::string> defined = [&] {
+    static const std::regex test(R"(\nTEST(?:_F|_P)?\((\w+),\s+(\w+)\))");
+    std::set<std::string> names;
+    for (std::sregex_iterator it(sources.begin(), sources.end(), test), end; it != end; ++it) {
+      names.insert((*it)[1].str() + "." + (*it)[2].str());
+    }
+    return names;
+  }();
+  const std::string rows = section(text_of(kRoot / "CHANGELOG.md"), "### Tests that failed before");
+  const std::vector<std::string> named = matches(rows, "`([A-Z]\\w+\\.\\w+)`");
+  EXPECT_GE(named.size(), 80u);
+  for (const std::string& name : named) EXPECT_TRUE(defined.contains(name)) << name;
+  static const std::regex elsewhere("`([\\w./]+): ([^`]+)`");
+  for (std::sregex_iterator it(rows.begin(), rows.end(), elsewhere), end; it != end; ++it) {
+    const std::string text = text_of(kRoot / "tests" / (*it)[1].str());
+    EXPECT_NE(text.find((*it)[2].str()), std::string::npos) << it->str();
+  }
+}
+
 /// The anchor that a renderer makes of a heading.
 std::string anchor_of(const std::string& heading) {
   std::string anchor;
