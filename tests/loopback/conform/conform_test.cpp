@@ -7,6 +7,7 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <array>
 #include <csignal>
 #include <filesystem>
 #include <future>
@@ -142,9 +143,9 @@ TEST(ConformPhysics, OnABusyMachineJudgesNothingThatTakesAProcessor) {
   while (!CPU_ISSET(processor, &all)) ++processor;
   CPU_SET(processor, &one);
   ASSERT_EQ(sched_setaffinity(0, sizeof(one), &one), 0);  // what begins now inherits it
-  std::vector<std::jthread> others;
-  for (int i = 0; i < 3; ++i) {
-    others.emplace_back([](const std::stop_token& stop) {
+  std::array<std::jthread, 3> others;
+  for (std::jthread& other : others) {
+    other = std::jthread([](const std::stop_token& stop) {
       while (!stop.stop_requested()) {
       }
     });
@@ -152,7 +153,7 @@ TEST(ConformPhysics, OnABusyMachineJudgesNothingThatTakesAProcessor) {
   Conform run({"physics", "--", bin("wrong_physics"), "busy", "--session", "{session}"});
   ASSERT_EQ(sched_setaffinity(0, sizeof(all), &all), 0);
   const Report report = run.report();
-  others.clear();
+  others = {};
   EXPECT_EQ(report.status, 1) << report.text << run.err();
   EXPECT_THAT(report.text, HasSubstr("-     rate: not judged: the program waited for a processor"));
 }
