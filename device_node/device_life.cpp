@@ -107,7 +107,8 @@ DevicePhase DeviceNode::phase() const noexcept {
 void DeviceNode::acknowledge() noexcept {
   // a device that waits for its calibration takes it, and needs one more
   if (device_.phase() == DevicePhase::kConnected) {
-    static_cast<void>(device_.calibrate());
+    // one that cannot be reached any more is as if it were new
+    if (!device_.calibrate()) static_cast<void>(device_.reopen(kResetWithin));
     if (has_fault()) static_cast<void>(clear_fault());
     return;
   }

@@ -13,6 +13,7 @@ namespace {
 
 /// So many switches in a row, each of which took longer than an answer may: the device is slow.
 constexpr int kSlowSwitches = 5;
+constexpr int kFirstReleases = 5;
 
 bool is_finite(const DeviceSample& sample) {
   return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite() &&
@@ -97,7 +98,14 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
              std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
                                        device.specification().position_resolution_m)),
       is_acknowledged_(device.specification().is_simulated),
-      must_check_motors_(has_motor_check()) {}
+      must_check_motors_(has_motor_check()) {
+  if (device.specification().is_simulated) return;
+  // an earlier process may have left a force
+  for (int attempts = 0; attempts < kFirstReleases && !release_once(); ++attempts) {
+  }
+  // one that waits for its calibration may be silent until then
+  is_released_ = is_released_ || device.phase() == DevicePhase::kConnected;
+}
 
 void DeviceNode::step(const Tick& tick) noexcept {
   count_appointment(tick);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device_node/process.h"
 
+#include <atomic>
 #include <optional>
 #include <utility>
 
@@ -237,9 +238,10 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   };
   publisher.peers_refused = [&] { return side.refused().total(); };
   TickWatch ticks_watched;
-  publisher.on_pump = [&, phase = DevicePhase::kUnknown](TimePoint now) mutable {
-    const DevicePhase phase_before = std::exchange(phase, counters.load().phase);
-    if (phase != phase_before && phase == DevicePhase::kConnected) {
+  std::atomic<DevicePhase> told{DevicePhase::kUnknown};
+  publisher.on_pump = [&](TimePoint now) {
+    const DevicePhase phase = counters.load().phase;
+    if (told.exchange(phase) != phase && phase == DevicePhase::kConnected) {
       context.log.warn("event=device_prompt: {}", device->specification().calibration);
     }
     if (!context.stop.stop_requested() && ticks_watched.hangs(counters.load().loop.ticks, now)) {
@@ -270,16 +272,20 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   // a signal before this counts for nothing: nobody was asked yet
   std::uint32_t resets = context.requests.fault_resets;
   loop.run(context.stop, [&](const Tick& tick) {
+    // nor does one of a phase that nobody was told of
     const std::uint32_t resets_asked = context.requests.fault_resets;
-    if (resets_asked != resets) node.acknowledge();
-    resets = resets_asked;
+    if (std::exchange(resets, resets_asked) != resets_asked && told == node.phase()) {
+      node.acknowledge();
+    }
     for (SeenDevice seen; page && page->next(seen);) node.acknowledge(seen);
     node.suspended(suspend.slept());
     node.step(tick);
     if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());
   });
-  if (!released_in_time(node, context.clock)) {
+  const bool is_released = released_in_time(node, context.clock);
+  counters.store(node.counters());
+  if (!is_released) {
     context.log.error("event=release_unconfirmed remedy=\"{}\"", kReleaseUnconfirmedText);
   }
 }

@@ -124,7 +124,8 @@ void EventLog<DeviceCounters>::note_phase(DevicePhase phase) {
   } else if (phase == DevicePhase::kChecking) {
     log_.warn(
         "event=device_phase phase=checking remedy=\"the motors push a little to and fro, along one "
-        "axis after the other: let the handle hang, or hold it loosely and still\"");
+        "axis after the other, while the dead-man button is held if the session names one: let the "
+        "handle hang, or hold it loosely and still\"");
   } else if (phase == DevicePhase::kEnabled && !is_first) {
     log_.info("event=device_phase phase=enabled");
   }

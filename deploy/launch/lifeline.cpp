@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/launch/lifeline.h"
 
+#include <poll.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -14,6 +15,9 @@
 
 namespace palpate {
 namespace {
+
+/// From SIGTERM to SIGKILL: devices release their motors meanwhile.
+constexpr int kGrace_ms = 2000;
 
 /// After fork, beside other threads' state: system calls only.
 [[noreturn]] void keep_watch(int from) {
@@ -35,9 +39,17 @@ namespace {
     auto* const place = std::find(groups.begin(), groups.end(), wanted);
     if (place != groups.end()) *place = std::max(change, 0);
   }
-  for (const pid_t group : groups) {
-    if (group > 0) ::kill(-group, SIGKILL);
+  const auto each_runs = [&groups](int signal) {
+    bool is_there = false;
+    for (const pid_t group : groups) is_there |= group > 0 && ::kill(-group, signal) == 0;
+    return is_there;
+  };
+  each_runs(SIGTERM);
+  constexpr int kLook_ms = 10;
+  for (int waited_ms = 0; waited_ms < kGrace_ms && each_runs(0); waited_ms += kLook_ms) {
+    ::poll(nullptr, 0, kLook_ms);
   }
+  each_runs(SIGKILL);
   _exit(0);
 }
 

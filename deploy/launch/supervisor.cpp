@@ -73,7 +73,7 @@ void Supervisor::spawn(Child& child) {
   const auto in_child = [supervisor, descriptor = child.spec.descriptor](auto&) {
     setpgid(0, 0);
     if (descriptor >= 0) fcntl(descriptor, F_SETFD, 0);
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    prctl(PR_SET_PDEATHSIG, SIGTERM);  // a device releases its motors; the lifeline kills later
     if (getppid() != supervisor) _exit(kExitFailure);  // it had ended before prctl
   };
   process::environment environment = boost::this_process::environment();

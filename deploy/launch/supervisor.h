@@ -61,9 +61,9 @@ struct ChildEvent {
 ///
 /// Every child has a process group of its own, so Ctrl-C in a terminal reaches the supervisor only.
 /// What a dead child has left in its group is killed before it is started again.
-/// The kernel kills the children when the thread that runs the io_context ends for any reason, and
-/// a Lifeline what they have left in their groups, so nothing outlives its supervisor. All
-/// functions and callbacks run on that thread.
+/// The kernel sends the children SIGTERM when the thread that runs the io_context ends for any
+/// reason, so that a device can release its motors, and a Lifeline kills what then runs on after
+/// its grace. All functions and callbacks run on that thread.
 class Supervisor {
  public:
   /// @param stop_order  stages of names of children; children that are missing here are the last

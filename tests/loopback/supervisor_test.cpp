@@ -47,6 +47,7 @@ namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 using std::chrono::steady_clock;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
@@ -486,6 +487,20 @@ TEST_F(Launch, AKilledLauncherLeavesNoNodeBehind) {
 }
 
 // It would answer the next launch.
+// A device releases its motors when it is told to end, and not when it is killed.
+TEST_F(Launch, ANodeIsToldToEndWhenTheLauncherIsKilled) {
+  start_launcher(options());
+  started_nodes(3);
+
+  kill(launcher_, SIGKILL);
+
+  std::set<std::string> told;
+  while (told.size() < 3) told.insert(next_event());
+  EXPECT_THAT(
+      told, ElementsAre("device_node signal 15", "mofc_node signal 15", "physics_node signal 15"));
+  EXPECT_TRUE(all_nodes_end());
+}
+
 TEST_F(Launch, AKilledLauncherLeavesNothingBehindThatANodeHasStarted) {
   let("physics_node", "leaves_a_process");
   start_launcher(options());

@@ -75,7 +75,7 @@ std::string status_line(const TelemetryMirror& mirror, TimePoint now, std::size_
   } else if (phase == DevicePhase::kCalibrated) {
     add("NO FORCE: acknowledge by SIGUSR2");
   } else if (phase == DevicePhase::kChecking) {
-    add("CHECKS MOTORS: hold still");
+    add("CHECKS MOTORS: hold still, and the dead-man button if there is one");
   } else {
     add(is_answered && has_mofc ? name(figures.mofc_state) : name(figures.guard));
   }

@@ -1079,6 +1079,58 @@ TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgeme
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
 }
 
+// Its emulated kin answered no more, and six signals did not help: the port was that of before.
+TEST(DeviceNode, AnAcknowledgementReachesADeviceThatWasLostBeforeItsCalibration) {
+  Bench bench(device_config(), false);
+  bench.device.phase_now = DevicePhase::kConnected;
+  bench.device.takes_calibration = false;
+  bench.tick();
+  bench.node.acknowledge();
+  EXPECT_EQ(bench.device.reopenings, 1);
+  bench.device.takes_calibration = true;
+  bench.node.acknowledge();
+  EXPECT_EQ(bench.device.reopenings, 1);
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kCalibrated);
+}
+
+// A force of an earlier process, which was killed: these motors have no watchdog.
+struct Earlier {
+  DevicePhase phase;
+  int silent_for;  ///< releases
+};
+struct PushedDevice : ScriptedDevice {
+  PushedDevice(const Clock& clock, const Earlier& earlier) : ScriptedDevice(clock, false) {
+    has_watchdog(false);
+    phase_now = earlier.phase;
+    writes.push_back({clock.now(), Vector3(1, 0, 0), TimePoint::max()});
+    before_release = [this, earlier] { confirms_release = releases >= earlier.silent_for; };
+  }
+};
+
+TEST(DeviceNode, AForceThatIsThereAtTheStartEndsBeforeTheFirstTick) {
+  for (const DevicePhase phase : {DevicePhase::kConnected, DevicePhase::kCalibrated}) {
+    for (const int silent_for : {0, 2}) {
+      DeviceNodeBench<PushedDevice> bench(device_config(), Earlier{phase, silent_for});
+      EXPECT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(0, 0, 0));
+      bench.tick();
+      EXPECT_FALSE(bench.node.counters().is_release_unconfirmed);
+      EXPECT_EQ(bench.node.phase(), phase);
+    }
+  }
+}
+
+TEST(DeviceNode, WhoIsSilentAtTheStartMayPushUnlessItWaitsForItsCalibration) {
+  DeviceNodeBench<PushedDevice> bench(device_config(), Earlier{DevicePhase::kCalibrated, 1000});
+  bench.tick();
+  EXPECT_TRUE(bench.node.counters().is_release_unconfirmed);
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kFaulted);
+
+  DeviceNodeBench<PushedDevice> fresh(device_config(), Earlier{DevicePhase::kConnected, 1000});
+  fresh.tick();
+  EXPECT_FALSE(fresh.node.counters().is_release_unconfirmed);
+  EXPECT_EQ(fresh.node.phase(), DevicePhase::kConnected);
+}
+
 // --- motors without a watchdog ------------------------------------------------------------------
 
 struct EndlessDevice : ScriptedDevice {
