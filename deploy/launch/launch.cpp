@@ -24,6 +24,7 @@
 #include "common/process/run_node.h"
 #include "common/session/session.h"
 #include "common/session/session_file.h"
+#include "common/telemetry/device_telemetry.h"
 #include "deploy/launch/physics_command.h"
 #include "deploy/launch/run_folder.h"
 
@@ -190,7 +191,14 @@ class Run {
         time_up_(io_),
         supervisor_(
             io_, std::move(nodes), stop_order(session), options.timing,
-            [this](const ChildEvent& event) { write(event, log_); }, [this] { on_end(); }) {}
+            [this](const ChildEvent& event) { on_event(event); }, [this] { on_end(); }) {
+    for (const Side& side : session.sides) {
+      if (std::holds_alternative<std::monostate>(side.driver)) continue;
+      for (const char* node : {"device", "device_mofc"}) {
+        real_devices_.push_back(with_side(side.name, node));
+      }
+    }
+  }
 
   LaunchResult run(const std::stop_token& stop) {
     const auto begin = std::chrono::steady_clock::now();
@@ -215,10 +223,25 @@ class Run {
     if (failure) std::rethrow_exception(failure);
     return {.end = supervisor_.was_refused() ? LaunchEnd::kRefused : end_,
             .restarts = supervisor_.restarts(),
-            .wall = std::chrono::steady_clock::now() - begin};
+            .wall = std::chrono::steady_clock::now() - begin,
+            .may_motors_push = may_motors_push_};
   }
 
  private:
+  void on_event(const ChildEvent& event) {
+    write(event, log_);
+    const bool has_ended_badly =
+        event.kind == ChildEvent::Kind::kKilled ||
+        (event.kind == ChildEvent::Kind::kStopped && event.how != "exit status 0");
+    if (!has_ended_badly ||
+        std::find(real_devices_.begin(), real_devices_.end(), event.name) == real_devices_.end()) {
+      return;
+    }
+    may_motors_push_ = true;
+    log_.error("event=release_unconfirmed node={} remedy=\"{}\"", event.name,
+               kReleaseUnconfirmedText);
+  }
+
   /// Returns when no node is left.
   void supervise() {
     try {
@@ -309,7 +332,9 @@ class Run {
   std::exception_ptr failure_;  // of the supervising thread, once it has ended
   std::mutex mutex_;
   std::condition_variable ended_;
-  bool has_ended_ = false;  // protected by the mutex
+  bool has_ended_ = false;                 // protected by the mutex
+  std::vector<std::string> real_devices_;  // the nodes that may run them
+  bool may_motors_push_ = false;           // of the supervising thread, until it has ended
 };
 
 }  // namespace
@@ -318,7 +343,7 @@ int LaunchResult::exit_status() const {
   if (end == LaunchEnd::kRefused) return kExitSetupError;
   const bool all_came_up =
       std::all_of(restarts.begin(), restarts.end(), [](const auto& node) { return node.came_up; });
-  return all_came_up ? 0 : kExitFailure;
+  return all_came_up && !may_motors_push ? 0 : kExitFailure;
 }
 
 LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {

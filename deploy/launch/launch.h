@@ -62,9 +62,11 @@ struct LaunchResult {
   std::chrono::duration<double> wall{};        ///< from the first start to the last end
   std::size_t processors = 0;  ///< that all nodes of the session shared; 0: some ran elsewhere
   double load = kNaN;          ///< mean load of this machine in the last minute of the run
+  /// The program of a real device was killed or crashed at the end, so nothing released its motors.
+  bool may_motors_push = false;
 
-  /// 2 if a node reported a wrong set-up, 1 if one never came up, else 0. The node has printed the
-  /// problem to stderr.
+  /// 2 if a node reported a wrong set-up, 1 if one never came up or motors may push, else 0. The
+  /// node has printed the problem to stderr.
   [[nodiscard]] int exit_status() const;
 };
 

@@ -461,6 +461,27 @@ TEST_F(Launch, ANodeThatDoesNotStopIsKilledAfterTheGrace) {
   EXPECT_TRUE(all_nodes_end());
 }
 
+TEST_F(Launch, MotorsThatNobodyReleasedAtTheEndAreSaid) {
+  for (const bool is_real : {false, true}) {
+    const std::string driver = is_real ? "plugin { library: \"/none.so\" }" : "simulated {}";
+    files_.write("session.txtpb", "name: \"" + session_name_ + "\" device { " + driver + " }\n");
+    LaunchOptions options = this->options();
+    options.timing.stop_grace = std::chrono::hours(1);
+    start_launcher(options);
+    const std::map<std::string, pid_t> nodes = started_nodes(3);
+
+    kill(nodes.at("device_node"), SIGSTOP);
+    kill(launcher_, SIGTERM);
+    ASSERT_NE(log_with("event=stopping"), "");
+    kill(nodes.at("device_node"), SIGKILL);
+
+    while (next_event().substr(0, 8) != "launcher") continue;
+    EXPECT_EQ(launcher_status(), is_real ? 1 : 0);
+    EXPECT_EQ(log_with("node=device ").find("the motors may still push") != std::string::npos,
+              is_real);
+  }
+}
+
 TEST_F(Launch, ASecondSignalDoesNotWaitForTheGrace) {
   let("device_node", "does_not_stop");
   LaunchOptions options = this->options();
