@@ -16,6 +16,11 @@
 namespace palpate::scan {
 namespace {
 
+#ifdef PALPATE_DICOM
+constexpr bool kReadsDicom = true;
+#else
+constexpr bool kReadsDicom = false;
+#endif
 constexpr std::uint32_t kMostLabel = 65'535;
 constexpr std::uintmax_t kMostFileBytes = 4'000'000'000;
 constexpr double kFinest_m = 1e-6;
@@ -196,13 +201,22 @@ LabelMap label_map_of(const std::array<std::uint64_t, 3>& size,
 LabelMap load_label_map(const std::string& file) {
   const std::string end = lower_end(file);
   const bool is_nifti = end.ends_with(".nii") || end.ends_with(".nii.gz");
-  if (!is_nifti && !end.ends_with(".nrrd")) {
+  const bool is_dicom = end.ends_with(".dcm");
+  if (!is_nifti && !is_dicom && !end.ends_with(".nrrd")) {
     throw SetupError(
         file +
         ": must be a label map, .nii, .nii.gz, .nrrd or .seg.nrrd; export it as one of these");
   }
+  if (is_dicom && !kReadsDicom) {
+    throw SetupError(file +
+                     ": this build does not read DICOM; export the segmentation as .seg.nrrd from "
+                     "3D Slicer, or build with -DPALPATE_DICOM=ON (package libdcmtk-dev)");
+  }
   const FileContent content = read_regular_file(file, kMostFileBytes);
   if (!content.complaint.empty()) throw SetupError(file + ": " + content.complaint);
+#ifdef PALPATE_DICOM
+  if (is_dicom) return parse_dicom_seg(content.bytes, file);
+#endif
   return is_nifti ? parse_nifti(content.bytes, file) : parse_nrrd(content.bytes, file);
 }
 

@@ -56,7 +56,12 @@ inline constexpr std::uint32_t kMostLayers = 64;
 /// @throws SetupError  as "file:line: field: rule; remedy"
 [[nodiscard]] LabelMap parse_nrrd(std::string_view bytes, const std::string& name);
 
-/// The format follows the name: .nii, .nii.gz, .nrrd. @throws SetupError
+/// DICOM Segmentation, binary or fractional, not compressed; only in builds with PALPATE_DICOM.
+/// Slices lie where frames are, at one distance; where segments overlap, as above.
+/// @throws SetupError  as "file: field (group,element): rule; remedy"
+[[nodiscard]] LabelMap parse_dicom_seg(std::string_view bytes, const std::string& name);
+
+/// The format follows the name: .nii, .nii.gz, .nrrd, .dcm. @throws SetupError
 [[nodiscard]] LabelMap load_label_map(const std::string& file);
 
 /// Names segments that have none of their own by lines "value name", or those of ITK-SNAP's label

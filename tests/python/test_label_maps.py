@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""palpate import beside nibabel: what a label map holds, and where it puts the organ."""
+"""palpate import beside nibabel and teem: what a label map holds, and where it puts the organ."""
 
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import unittest
 from pathlib import Path
@@ -15,9 +16,11 @@ from support import BIN, TestCase
 
 try:
     import nibabel
-    from nibabel.affines import apply_affine
 except ImportError:
     nibabel = None
+
+# The program of those who defined NRRD.
+UNU = shutil.which("teem-unu")
 
 ATLAS = Path("/usr/share/mricron/templates/JHU-WhiteMatter-labels-2mm.nii.gz")
 
@@ -40,6 +43,10 @@ def counted(image: Any) -> dict[int, int]:
     return {int(value): int(count) for value, count in zip(values, counts) if value != 0}
 
 
+def apply_affine(affine: Any, places: Any) -> Any:
+    return np.asarray(places) @ affine[:3, :3].T + affine[:3, 3]
+
+
 def turned(degrees: float, spacing_mm: tuple[float, float, float], is_mirrored: bool) -> Any:
     """An oblique grid of RAS."""
     angle = np.radians(degrees)
@@ -53,6 +60,9 @@ def turned(degrees: float, spacing_mm: tuple[float, float, float], is_mirrored: 
     return affine
 
 
+HORN = [33.0, 28.0, 6.0]  # its tip
+
+
 def asymmetric_body() -> Any:
     """Label 1: an ellipsoid with a horn towards +i, +j, −k."""
     i, j, k = np.meshgrid(*(np.arange(n) for n in (44, 36, 30)), indexing="ij")
@@ -61,8 +71,9 @@ def asymmetric_body() -> Any:
     return (body | horn).astype(np.uint8)
 
 
-@unittest.skipIf(nibabel is None, "no nibabel (apt-get install python3-nibabel)")
-class LabelMaps(TestCase):
+class Imported(TestCase):
+    """A label map as the importer has it."""
+
     def surface_in_scan_mm(self, file: Path) -> Any:
         """Corners of the imported surface, led back to the scan by the matrix of the report."""
         folder = self.folder / f"{file.name}.organ"
@@ -75,6 +86,17 @@ class LabelMaps(TestCase):
         world_of_scan = np.array([[float(number) for number in row.split()] for row in rows])
         return apply_affine(np.linalg.inv(world_of_scan), 1e3 * corners_m)
 
+    def expect_at(self, voxels_mm: Any, horn_mm: Any, file: Path) -> None:
+        """The surface is around these voxels, and near the horn, by which a mirrored body would be off."""
+        surface_mm = self.surface_in_scan_mm(file)
+        # half a voxel beyond the outermost centres, and the mesh is smoothed
+        for low in (voxels_mm.min(0) - surface_mm.min(0), surface_mm.max(0) - voxels_mm.max(0)):
+            self.assertLess(np.abs(low).max(), 3.0)
+        self.assertLess(np.linalg.norm(surface_mm - horn_mm, axis=1).min(), 3.0)
+
+
+@unittest.skipIf(nibabel is None, "no nibabel (apt-get install python3-nibabel)")
+class LabelMaps(Imported):
     def test_the_organ_is_where_nibabel_has_its_voxels(self) -> None:
         body = asymmetric_body()
         for name, is_sform, is_mirrored, suffix in (
@@ -90,15 +112,8 @@ class LabelMaps(TestCase):
                 nibabel.save(image, file)
                 read = nibabel.load(file)
                 self.assertEqual(listed(file), counted(read))
-                voxels_mm = apply_affine(read.affine, np.argwhere(body))
-                surface_mm = self.surface_in_scan_mm(file)
-                # half a voxel beyond the outermost centres, and the mesh is smoothed
-                for low in (voxels_mm.min(0) - surface_mm.min(0), surface_mm.max(0) - voxels_mm.max(0)):
-                    self.assertLess(np.abs(low).max(), 3.0)
-                # a mirrored body would be off by the horn
-                horn_mm = apply_affine(read.affine, [33.0, 28.0, 6.0])
-                nearest_mm = np.linalg.norm(surface_mm - horn_mm, axis=1).min()
-                self.assertLess(nearest_mm, 3.0)
+                self.expect_at(
+                    apply_affine(read.affine, np.argwhere(body)), apply_affine(read.affine, HORN), file)
 
     def test_what_make_organ_writes_is_what_nibabel_reads(self) -> None:
         file = self.folder / "organ.nii"
@@ -113,6 +128,110 @@ class LabelMaps(TestCase):
     @unittest.skipUnless(ATLAS.exists(), "no mricron-data")
     def test_a_public_atlas_has_the_voxels_that_nibabel_counts(self) -> None:
         self.assertEqual(listed(ATLAS), counted(nibabel.load(ATLAS)))
+
+
+@unittest.skipIf(UNU is None, "no teem-unu (apt-get install teem-apps)")
+class Nrrd(Imported):
+    def unu(self, *arguments: object, data: bytes = b"") -> bytes:
+        """The output of one of teem's commands on this input."""
+        return subprocess.run(
+            [str(UNU), *map(str, arguments)], input=data, capture_output=True, check=True).stdout
+
+    def voxels(self, nrrd: bytes) -> Any:
+        """As teem reads them, the first axis fastest."""
+        plain = self.unu("save", "-f", "nrrd", "-e", "raw", "-en", "little", data=self.unu(
+            "convert", "-t", "ushort", data=nrrd))
+        header, _, voxels = plain.partition(b"\n\n")
+        sizes = re.search(rb"^sizes: (.*)$", header, re.M)
+        assert sizes is not None
+        return np.frombuffer(voxels, "<u2").reshape([int(n) for n in sizes[1].split()], order="F")
+
+    def affine(self, nrrd: bytes) -> Any:
+        """From indices to right, anterior, superior, by teem's header."""
+        head = self.unu("head", data=nrrd).decode()
+        sign = {"left-posterior-superior": (-1, -1, 1), "right-anterior-superior": (1, 1, 1),
+                "left-anterior-superior": (-1, 1, 1)}[re.findall(r"^space: (.*)$", head, re.M)[0]]
+        vectors = re.findall(r"\(([^)]*)\)", head[head.index("space directions"):])
+        affine = np.eye(4)
+        for column, vector in enumerate(vectors[:4]):
+            affine[:3, column] = np.multiply(sign, [float(number) for number in vector.split(",")])
+        return affine
+
+    def made(self, body: Any, affine: Any, space: str, *more: object) -> bytes:
+        """A file that teem writes of this body, whose axes are in right, anterior, superior."""
+        sign = {"LPS": (-1, -1, 1), "RAS": (1, 1, 1), "LAS": (-1, 1, 1)}[space]
+        vectors = [",".join(f"{number:.12g}" for number in np.multiply(sign, affine[:3, column]))
+                   for column in range(4)]
+        directions = " ".join(f"({vector})" for vector in vectors[:3])
+        if body.ndim == 4:
+            directions = "none " + directions
+        return self.unu(
+            "make", "-i", "-", "-t", "uchar", "-s", *body.shape, "-spc", space, "-orig", f"({vectors[3]})",
+            "-dirs", directions, "-e", "raw", *more, data=body.flatten(order="F").tobytes())
+
+    def check(self, nrrd: bytes, name: str) -> None:
+        """The importer has the voxels of teem, where teem has them."""
+        file = self.folder / f"{name}.nrrd"
+        file.write_bytes(nrrd)
+        voxels = self.voxels(nrrd)
+        values, counts = np.unique(voxels[voxels > 0], return_counts=True)
+        self.assertEqual(listed(file), dict(zip(values.tolist(), counts.tolist())))
+        self.expect_at(apply_affine(self.affine(nrrd), np.argwhere(voxels)), self.horn_mm, file)
+
+    def test_the_organ_is_where_teem_has_its_voxels(self) -> None:
+        affine = turned(24.0, (1.4, 1.7, 2.3), is_mirrored=False)
+        body = asymmetric_body()
+        self.horn_mm = apply_affine(affine, HORN)
+        for space in ("LPS", "RAS", "LAS"):
+            with self.subTest(space):
+                self.check(self.made(body, affine, space, "-spu", "mm", "mm", "mm"), space)
+
+        # the same place in the patient, whatever the axes are
+        made = self.made(body, affine, "LPS")
+        for name, command in (
+            ("flipped", ["flip", "-a", "1"]),
+            ("permuted", ["permute", "-p", "2", "0", "1"]),
+            ("cropped", ["crop", "-min", "2", "1", "0", "-max", "M", "M-1", "M"]),
+            ("padded", ["pad", "-min", "-3", "0", "-1", "-max", "M+2", "M", "M", "-b", "pad", "-v", "0"]),
+        ):
+            with self.subTest(name):
+                self.check(self.unu(*command, data=made), name)
+
+    def test_every_encoding_and_type_has_the_voxels_that_teem_reads(self) -> None:
+        affine = turned(24.0, (1.4, 1.7, 2.3), is_mirrored=True)
+        body = asymmetric_body()
+        body[body > 0] += (np.argwhere(body)[:, 2] > 12).astype(np.uint8)
+        made = self.made(body, affine, "LPS")
+        counts = {int(value): int((body == value).sum()) for value in (1, 2)}
+        for kind in ("char", "short", "ushort", "int", "uint", "longlong", "ulonglong", "float", "double"):
+            for encoding, endian in (("raw", "big"), ("raw", "little"), ("gzip", "big"), ("ascii", "little")):
+                with self.subTest(f"{kind} {encoding} {endian}"):
+                    file = self.folder / "typed.nrrd"
+                    file.write_bytes(self.unu("save", "-f", "nrrd", "-e", encoding, "-en", endian, data=self.unu(
+                        "convert", "-t", kind, data=made)))
+                    self.assertEqual(listed(file), counts)
+
+    def test_layers_are_the_axis_that_teem_gives_no_direction(self) -> None:
+        affine = turned(24.0, (1.4, 1.7, 2.3), is_mirrored=False)
+        body = asymmetric_body()
+        i, j, k = np.meshgrid(*(np.arange(n) for n in body.shape), indexing="ij")
+        lesion = ((i - 16) ** 2 + (j - 18) ** 2 + (k - 14) ** 2 < 16).astype(np.uint8)
+        file = self.folder / "layers.seg.nrrd"
+        file.write_bytes(self.made(
+            np.stack([body, lesion]), affine, "LPS", "-kv", "Segment0_ID:=a", "Segment0_LabelValue:=1",
+            "Segment0_Layer:=0", "Segment0_Name:=liver", "Segment1_ID:=b", "Segment1_LabelValue:=1",
+            "Segment1_Layer:=1", "Segment1_Name:=tumor"))
+        rows = re.findall(r"^ +1 +(\d+) +[\d.]+  (\w+)", palpate("import", file), re.M)
+        self.assertEqual(rows, [(str(int(body.sum() - lesion.sum())), "liver"), (str(int(lesion.sum())), "tumor")])
+
+    def test_what_make_organ_writes_is_what_teem_reads(self) -> None:
+        file = self.folder / "organ.seg.nrrd"
+        palpate("make-organ", "--labels", file, "--voxel-mm", 1.5, 2, 3, "--oblique-degrees", 25)
+        nrrd = file.read_bytes()
+        lesion = np.argwhere(self.voxels(nrrd) == 2)
+        self.assertEqual(listed(file)[2], len(lesion))
+        # 20 mm to the patient's left, 12 mm to the front, 5 mm to the head
+        np.testing.assert_allclose(apply_affine(self.affine(nrrd), lesion).mean(0), [-20, 12, 5], atol=0.5)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,19 @@ namespace {
 
 constexpr double kSame_m = 1e-6;
 
+constexpr std::size_t kMostFileNameBytes = 60;
+
 }  // namespace
+
+std::string surface_name_of(const std::string& label) {
+  std::string name = "surface_" + label.substr(0, kMostFileNameBytes);
+  for (char& c : name) {
+    const bool is_plain =
+        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-';
+    if (!is_plain) c = '_';
+  }
+  return name;
+}
 
 std::string stl_text(const physics::TriangleMesh& surface) {
   std::string text = kStlBegin;

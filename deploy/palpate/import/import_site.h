@@ -13,6 +13,8 @@
 
 namespace palpate {
 
+/// Of the file of a label's surface, without its ending: plain letters, digits and '_'.
+[[nodiscard]] std::string surface_name_of(const std::string& label);
 /// How the files of stl_text() begin.
 inline constexpr const char* kStlBegin = "palpate import: metres, frame W of the session";
 /// STL, binary, in metres of W.

@@ -2,11 +2,8 @@
 #include "deploy/palpate/import/imported_organ.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <limits>
 #include <numbers>
 #include <optional>
 
@@ -30,8 +27,9 @@ constexpr double kPoisson = 0.45;
 constexpr std::size_t kMostParts = 64;  // of an elastic body in a session
 constexpr double kHeldShare = 0.2;      // of the height, from below
 constexpr std::uint64_t kManyVoxels = 5000;
-constexpr std::size_t kMostFileNameBytes = 60;
 constexpr std::size_t kMostLabels = 1000;
+// Quadratic elements of more have so many nodes that a body takes minutes and gigabytes.
+constexpr std::size_t kMostQuadratic = 20'000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
@@ -59,16 +57,6 @@ std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
 
 bool is_in(const std::vector<std::uint32_t>& segments, std::uint32_t segment) {
   return std::find(segments.begin(), segments.end(), segment) != segments.end();
-}
-
-std::string file_name_of(const std::string& label) {
-  std::string name = "surface_" + label.substr(0, kMostFileNameBytes);
-  for (char& c : name) {
-    const bool is_plain =
-        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-';
-    if (!is_plain) c = '_';
-  }
-  return name;
 }
 
 struct Chosen {
@@ -99,7 +87,7 @@ class Import {
     ImportedOrgan result;
     for (std::size_t r = 0; r < organ_.regions.size() && organ_.regions.size() > 1; ++r) {
       if (organ_.regions[r].elements == 0) continue;
-      std::string name = file_name_of(organ_.mesh.region_names[r]);
+      std::string name = surface_name_of(organ_.mesh.region_names[r]);
       while (result.files.contains(name + ".stl")) name += "_" + std::to_string(r);
       result.files[name + ".stl"] =
           stl_text(scan::surface_of_region(organ_.mesh, static_cast<std::uint16_t>(r)));
@@ -286,6 +274,8 @@ class Import {
         options_.scanned.c_str(), gravity_.x(), gravity_.y(), gravity_.z(), -kGravity_m_per_s2);
   }
 
+  [[nodiscard]] bool is_linear() const { return organ_.mesh.tetrahedra.size() > kMostQuadratic; }
+
   [[nodiscard]] std::string session() const {
     // the hand drifts over the place
     constexpr double kSwing_m = 0.012;
@@ -334,6 +324,7 @@ class Import {
            name_of(base_) + " — " + source_of(chosen_[base_]) + "\n" +
            stiffness_of(chosen_[base_], "      ") +
            text_of("      poisson_ratio: %.3g\n", kPoisson) +
+           (is_linear() ? "      linear_elements: true\n" : "") +
            "      viscosity_ms: 5\n      friction_coefficient: 0.1\n" + gravity() + held() + parts +
            text_of("      # see the end of report.txt\n      solve_rate_hz: %g\n", speed_.rate_hz) +
            "    }\n  }\n}\n";
@@ -401,6 +392,13 @@ class Import {
         "of the voxels\n",
         organ_.mesh.tetrahedra.size(), organ_.mesh.nodes_m.size(), 1e3 * organ_.cell_m,
         1e3 * organ_.smoothing_m);
+    if (is_linear()) {
+      text += text_of(
+          "  more than %zu tetrahedra: as linear elements, which are a few percent too stiff; "
+          "fewer "
+          "are quadratic, and truer\n",
+          kMostQuadratic);
+    }
     if (organ_.lost_m3 > 0.0)
       text += text_of(
           "  dropped: %.3f ml that touch the rest in an edge or a node only, or not at all\n",

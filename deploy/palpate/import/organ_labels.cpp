@@ -50,7 +50,7 @@ Grid grid_of(const OrganLabels& labels) {
     const double count = std::ceil(2.0 * half_mm[a] / labels.voxel_mm[a]);
     voxels *= count;
     if (!(voxels <= OrganLabels::kMostVoxels))
-      throw SetupError("--voxel-mm: more than 50 million voxels; give larger ones");
+      throw SetupError("--voxel-mm: more than 150 million voxels; give larger ones");
     grid.size[static_cast<std::size_t>(a)] = static_cast<std::uint32_t>(count);
   }
   grid.steps_mm = ras * turned * Matrix3(labels.voxel_mm.asDiagonal());
@@ -62,6 +62,7 @@ std::string voxels_of(const OrganLabels& labels, const Grid& grid) {
   Matrix3 body_of_ras;  // the inverse of `ras` above
   body_of_ras << -1, 0, 0, 0, 0, 1, 0, 1, 0;
   std::string voxels;
+  voxels.reserve(std::size_t{grid.size[0]} * grid.size[1] * grid.size[2]);
   for (std::uint32_t k = 0; k < grid.size[2]; ++k) {
     for (std::uint32_t j = 0; j < grid.size[1]; ++j) {
       for (std::uint32_t i = 0; i < grid.size[0]; ++i) {

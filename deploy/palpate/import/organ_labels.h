@@ -13,7 +13,7 @@ struct OrganLabels {
   Vector3 voxel_mm{2.0, 2.0, 2.0};
   double oblique_degrees = 0.0;  ///< the grid is turned by this about an axis askew to all
   bool has_thin_lobe = false;    ///< 40 × 40 × 4 mm at the patient's left
-  static constexpr double kMostVoxels = 50e6;
+  static constexpr double kMostVoxels = 150e6;
 };
 
 /// The body of organ.h with x to the patient's left, y to the head, z to the front: labels 1
