@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// label_votes.h — which label a place between voxels has: that of most voxels around it, near ones
+// label_votes.h — which label an element has: that of most voxels around its centre, near ones
 // counting more.
 #pragma once
 
@@ -14,7 +14,7 @@ namespace palpate::scan {
 class LabelVotes {
  public:
   /// @param map  must outlive this
-  explicit LabelVotes(const LabelMap& map);
+  explicit LabelVotes(const LabelMap& map) : map_(map) {}
 
   /// A region for each element, by the votes at its centre, with a handicap for each label such
   /// that the volumes of the regions are in proportion to `wanted`.
@@ -32,10 +32,11 @@ class LabelVotes {
     double share;
   };
   /// Of all labels near this index, shares of the votes that are not for the background.
-  [[nodiscard]] std::vector<Vote> votes(const Vector3& index) const;
+  /// @param edge_m  of the element: of large ones more voxels vote, so that the volumes of large
+  ///     labels can be met by handicaps where no element has its centre at the boundary
+  [[nodiscard]] std::vector<Vote> votes(const Vector3& index, double edge_m) const;
 
   const LabelMap& map_;
-  Vector3 widths_;  // in voxels
 };
 
 }  // namespace palpate::scan

@@ -137,18 +137,21 @@ class Nrrd(Imported):
         return subprocess.run(
             [str(UNU), *map(str, arguments)], input=data, capture_output=True, check=True).stdout
 
-    def voxels(self, nrrd: bytes) -> Any:
-        """As teem reads them, the first axis fastest."""
+    def plain(self, nrrd: bytes) -> tuple[str, bytes]:
+        """Header and voxels, unsigned short, as teem reads them."""
         plain = self.unu("save", "-f", "nrrd", "-e", "raw", "-en", "little", data=self.unu(
             "convert", "-t", "ushort", data=nrrd))
         header, _, voxels = plain.partition(b"\n\n")
-        sizes = re.search(rb"^sizes: (.*)$", header, re.M)
-        assert sizes is not None
-        return np.frombuffer(voxels, "<u2").reshape([int(n) for n in sizes[1].split()], order="F")
+        return header.decode(), voxels
+
+    def voxels(self, nrrd: bytes) -> Any:
+        header, voxels = self.plain(nrrd)
+        sizes = re.findall(r"^sizes: (.*)$", header, re.M)[0].split()
+        return np.frombuffer(voxels, "<u2").reshape([int(n) for n in sizes], order="F")
 
     def affine(self, nrrd: bytes) -> Any:
         """From indices to right, anterior, superior, by teem's header."""
-        head = self.unu("head", data=nrrd).decode()
+        head = self.plain(nrrd)[0]
         sign = {"left-posterior-superior": (-1, -1, 1), "right-anterior-superior": (1, 1, 1),
                 "left-anterior-superior": (-1, 1, 1)}[re.findall(r"^space: (.*)$", head, re.M)[0]]
         vectors = re.findall(r"\(([^)]*)\)", head[head.index("space directions"):])
@@ -203,7 +206,7 @@ class Nrrd(Imported):
         body[body > 0] += (np.argwhere(body)[:, 2] > 12).astype(np.uint8)
         made = self.made(body, affine, "LPS")
         counts = {int(value): int((body == value).sum()) for value in (1, 2)}
-        for kind in ("char", "short", "ushort", "int", "uint", "longlong", "ulonglong", "float", "double"):
+        for kind in ("int8", "short", "ushort", "int", "uint", "longlong", "ulonglong", "float", "double"):
             for encoding, endian in (("raw", "big"), ("raw", "little"), ("gzip", "big"), ("ascii", "little")):
                 with self.subTest(f"{kind} {encoding} {endian}"):
                     file = self.folder / "typed.nrrd"
