@@ -301,6 +301,17 @@ TEST(Import, TellsWhatASolutionTakesAndChoosesTheSolveRateByIt) {
   EXPECT_THAT(material.solve_rate_hz, ::testing::AnyOf(50.0, 25.0, 10.0, 5.0));
 }
 
+// Their quadratic elements would take gigabytes.
+TEST(Import, OfVeryManyTetrahedraTheElementsAreLinear) {
+  const auto is_linear = [](std::size_t tetrahedra) {
+    const ImportedOrgan organ = imported_organ(patient(), {.tetrahedra = tetrahedra}, "a.nii.gz");
+    return organ.files.at(kImportedSession).find("linear_elements: true") != std::string::npos &&
+           organ.report.find("as linear elements") != std::string::npos;
+  };
+  EXPECT_TRUE(is_linear(28'000));
+  EXPECT_FALSE(is_linear(1500));
+}
+
 TEST(Import, KeepsNamesInEveryAlphabet) {
   std::string bytes = organ_labels_text({.voxel_mm = {3, 3, 3}}, false);
   const auto rename = [&](const std::string& from, const std::string& to) {

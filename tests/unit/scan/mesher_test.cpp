@@ -196,6 +196,28 @@ TEST(OrganMesh, HasTheVolumesOfItsVoxels) {
   }
 }
 
+// Many elements have their centres at the same distance from a flat boundary along the lattice;
+// they cannot only change sides together.
+TEST(OrganMesh, HasTheVolumesOfLabelsWithAFlatBoundaryOnACoarseLattice) {
+  LabelMap map;
+  map.size = {64, 48, 48};
+  map.ras_of_index_m.linear() = 1e-3 * Matrix3::Identity();
+  map.segments = {{.value = 1, .name = "front"}, {.value = 2, .name = "back"}};
+  for (int k = 0; k < 48; ++k) {
+    for (int j = 0; j < 48; ++j) {
+      for (int i = 0; i < 64; ++i) {
+        const Vector3 p((i - 31.4) / 28.0, (j - 23.7) / 20.0, (k - 23.6) / 20.0);
+        map.voxels.push_back(p.norm() >= 1.0 ? 0 : k < 19 ? 2 : 1);
+      }
+    }
+  }
+  const OrganMesh organ =
+      meshed(map, {0, 1}, {.tetrahedra = 3000, .site_m = Vector3(0.0314, 0.0237, 0.0436)});
+  EXPECT_GT(organ.cell_m, 0.002);
+  for (const Region& region : organ.regions)
+    EXPECT_NEAR(region.mesh_m3 / region.voxels_m3, 1.0, 0.005) << region.segment;
+}
+
 TEST(OrganMesh, IsTheSameEachTimeAndDropsIslands) {
   LabelMap map = ball(20.0, {1, 1, 1}, 6.0);
   map.voxels[0] = 1;  // a corner of the picture

@@ -186,6 +186,14 @@ TEST(LabelMapFile, IsReadByItsName) {
   EXPECT_EQ(load_label_map(nrrd).segments.size(), 4u);
   EXPECT_THROW((void)load_label_map((folder.path() / "absent.nii").string()), SetupError);
   EXPECT_THROW((void)load_label_map(folder.write("a.stl", "solid")), SetupError);
+  try {
+    (void)load_label_map(folder.write("a.dcm", "no DICOM"));
+    FAIL();
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), testing::AnyOf(HasSubstr("build with -DPALPATE_DICOM=ON"),
+                                             HasSubstr("a.dcm: cannot be read as DICOM"),
+                                             HasSubstr("SOPClassUID")));
+  }
 }
 
 }  // namespace
