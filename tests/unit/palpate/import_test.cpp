@@ -303,6 +303,7 @@ TEST(Import, TellsWhatASolutionTakesAndChoosesTheSolveRateByIt) {
 
 // Their quadratic elements would take gigabytes.
 TEST(Import, OfVeryManyTetrahedraTheElementsAreLinear) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   const auto is_linear = [](std::size_t tetrahedra) {
     const ImportedOrgan organ = imported_organ(patient(), {.tetrahedra = tetrahedra}, "a.nii.gz");
     return organ.files.at(kImportedSession).find("linear_elements: true") != std::string::npos &&
