@@ -212,6 +212,7 @@ physics::TetrahedralMesh stuffed_mesh_of(const physics::TriangleMesh& surface, d
     throw SetupError(file_name + ": --edge-m = " + std::to_string(edge_m) +
                      ": is longer than the body is thick; give less");
   }
+  scan::open_slivers(mesh);
   return mesh;
 }
 

@@ -313,6 +313,7 @@ OrganMesh organ_mesh_of(const LabelMap& map, std::vector<Region> regions,
   const double before_m3 = volume_m3(made);
   organ.mesh = one_solid(made, kept);
   organ.lost_m3 = before_m3 - volume_m3(organ.mesh);
+  open_slivers(organ.mesh);
   organ.angles = face_angles_of(organ.mesh);
   // elements that overlap, where the surface passes between cubes of different size, add to the one
   // and not to the other

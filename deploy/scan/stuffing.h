@@ -43,4 +43,8 @@ inline constexpr double kMostCubes = 30e6;
 [[nodiscard]] physics::TetrahedralMesh one_solid(const physics::TetrahedralMesh& mesh,
                                                  std::vector<std::uint32_t>& kept);
 
+/// Moves nodes of elements with an angle below 8° towards the middle of their neighbours, those of
+/// the surface along it, as long as the least angle there grows. Deterministic.
+void open_slivers(physics::TetrahedralMesh& mesh);
+
 }  // namespace palpate::scan

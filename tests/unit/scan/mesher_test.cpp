@@ -96,6 +96,33 @@ TEST(Stuffing, MayBeCoarseInPartsOfTheSurface) {
   }
 }
 
+// Cubes of up to eight cells at the surface, where angles are the sharpest.
+TEST(OpenSlivers, MakesThemBluntAndKeepsTheBody) {
+  int opened = 0;
+  for (unsigned seed = 1; seed <= (test::kIsSanitized ? 2 : 12); ++seed) {
+    Stuffing stuffing = stuffing_of(lump(seed, 0.3), 3);
+    stuffing.cell_m = 0.002;
+    stuffing.coarsest_at_surface = [](const Vector3& p) { return p.z() > 0.015 ? 0 : 3; };
+    std::vector<std::uint32_t> kept;
+    physics::TetrahedralMesh mesh = one_solid(stuffed(stuffing), kept);
+    const FaceAngles before = face_angles_of(mesh);
+    const double before_m3 = volume_m3(mesh);
+
+    open_slivers(mesh);
+
+    const FaceAngles after = face_angles_of(mesh);
+    RecordProperty("degrees_" + std::to_string(seed),
+                   std::to_string(kDegrees * before.least_rad) + " " +
+                       std::to_string(kDegrees * after.least_rad));
+    opened += after.least_rad > before.least_rad ? 1 : 0;
+    EXPECT_GE(after.least_rad, before.least_rad);
+    EXPECT_GT(kDegrees * after.least_rad, 7.3) << seed;
+    EXPECT_NEAR(volume_m3(mesh), before_m3, 1e-3 * before_m3);
+    expect_solid(mesh);
+  }
+  EXPECT_GE(opened, test::kIsSanitized ? 0 : 3);
+}
+
 TEST(OneSolid, KeepsTheLargestPartAndSeparatesPartsThatMeetInANode) {
   // two tetrahedra with a common face; one at an edge of the first; one at a node; one apart
   physics::TetrahedralMesh mesh;
