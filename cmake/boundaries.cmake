@@ -40,7 +40,7 @@ set(PALPATE_BOUNDARIES
   # the monitor of the energy shares nothing with the clamp that it watches
   "device_node/monitor:common/core,common/session/device_config.h,common/session/device_profile.h"
   # the friction of a device, measured without a hand
-  "device_node/identification:common/core,common/session/device_profile.h,device_node/device.h"
+  "device_node/identification:common/core,common/session/device_profile.h,device_node/device.h,device_node/release.h"
   # what drivers are checked for: the interface of a device, and the check that enables one
   "device_node/conformance:common/core,common/session/device_profile.h,device_node/device.h,device_node/motor_check.h,@log"
   "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h,device_node/reading_observer.h"
@@ -103,7 +103,7 @@ set(PALPATE_BOUNDARIES
   # from a segmentation to a mesh: no session, no wire
   "deploy/scan:common/core,common/core/user,common/contact,physics_node/surfaces,physics_node/files,physics_node/elastic"
   "deploy/launch:common/*,@log,@threads"
-  "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
+  "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/release.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
   "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.

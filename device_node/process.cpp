@@ -130,7 +130,7 @@ CheckedProfile checked_hands_off(const Session& session, NodeContext& context,
           std::string(button ? "hold the dead-man button until it has ended, " : "") +
           "then send SIGUSR2 to device_node");
   context.log.info("event=hands_off_check_acknowledged");
-  return check_hands_off(device, context.clock, profile, button);
+  return check_hands_off(device, context.clock, profile, button, context.stop);
 }
 
 /// The session's configuration, its profile lowered where the device has less friction.
@@ -140,6 +140,7 @@ DeviceConfig checked_config(const Session& session, NodeContext& context, Haptic
   DeviceConfig config = session.side().device;
   ratio = 0.0;
   if (!config.has_hands_off_check) return config;
+  refuse_hands_off_check(device.specification());
   context.log.info("event=hands_off_check_began: nobody may hold the device");
   const CheckedProfile checked = checked_hands_off(session, context, device);
   ratio = checked.ratio;

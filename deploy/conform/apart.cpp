@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "common/core/check.h"
+#include "deploy/conform/device_stop.h"
 
 namespace palpate {
 namespace {
@@ -32,19 +33,30 @@ constexpr const char* kBroken = "broken";    // what another exception says
 constexpr int kPoll_ms = 50;
 
 volatile std::sig_atomic_t child_of_this = 0;
+volatile std::sig_atomic_t stop_of_this = 0;  // the first signal that asked for the end
 
-/// SIGUSR2 goes on to the child while this exists; it waits until there is one.
+void pass_on(int signal) {
+  if (signal != SIGUSR2 && stop_of_this == 0) stop_of_this = signal;
+  ::kill(static_cast<pid_t>(child_of_this), signal);
+}
+
+/// SIGUSR2 and the signals that ask for the end go on to the child while this exists; they wait
+/// until there is one.
 class Forwarding {
  public:
   Forwarding() {
+    stop_of_this = 0;
     sigset_t signals;
     sigemptyset(&signals);
-    sigaddset(&signals, SIGUSR2);
+    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaddset(&signals, kSignals[i]);
     pthread_sigmask(SIG_BLOCK, &signals, &mask_before_);
     struct sigaction action {};
-    action.sa_handler = [](int signal) { ::kill(child_of_this, signal); };
+    action.sa_handler = pass_on;
     action.sa_flags = SA_RESTART;
-    sigaction(SIGUSR2, &action, &before_);
+    for (std::size_t i = 0; i < kSignals.size(); ++i) {
+      sigaction(kSignals[i], nullptr, &before_[i]);
+      if (!is_kept_ignored(kSignals[i])) sigaction(kSignals[i], &action, nullptr);
+    }
   }
   ~Forwarding() { end(); }
   Forwarding(const Forwarding&) = delete;
@@ -55,12 +67,17 @@ class Forwarding {
     pthread_sigmask(SIG_SETMASK, &mask_before_, nullptr);
   }
   void end() {
-    sigaction(SIGUSR2, &before_, nullptr);
+    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
     pthread_sigmask(SIG_SETMASK, &mask_before_, nullptr);
   }
+  /// The first signal that asked for the end; 0: none.
+  [[nodiscard]] static int stop() { return stop_of_this; }
 
  private:
-  struct sigaction before_ {};
+  static constexpr std::array kSignals{SIGUSR2, SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP};
+  static_assert(kSignals.size() == kDeviceStopSignals.size() + 1);
+
+  std::array<struct sigaction, kSignals.size()> before_{};
   sigset_t mask_before_{};
 };
 
@@ -154,8 +171,10 @@ bool find_apart(const ChecksApart& checks, const OnFinding& on_finding) {
   const pid_t child = ::fork();
   if (child < 0) throw std::system_error(errno, std::generic_category(), "fork");
   if (child == 0) {
-    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    // the child drives the motors: if this process is killed, it releases them
     forwarding.end();
+    std::signal(SIGTERM, SIG_DFL);
+    ::prctl(PR_SET_PDEATHSIG, SIGTERM);
     ::close(ends[0]);
     if (::getppid() != parent) ::_exit(0);
     work(checks, ends[1]);
@@ -177,6 +196,11 @@ bool find_apart(const ChecksApart& checks, const OnFinding& on_finding) {
   }
   const int status = lines.status();
   ::close(ends[0]);
+  if (Forwarding::stop() != 0 && !ended.contains(kDone)) {
+    std::string how = "the checks were stopped";
+    for (const auto& [kind, text] : ended.items()) how = text.get<std::string>();
+    throw Interrupted(Forwarding::stop(), how);
+  }
   if (ended.contains(kRefused)) throw SetupError(ended[kRefused].get<std::string>());
   if (ended.contains(kBroken)) throw std::runtime_error(ended[kBroken].get<std::string>());
   if (ended.contains(kDone)) return true;

@@ -14,9 +14,11 @@ using ChecksApart =
     std::function<void(const OnFinding& on_finding, const std::function<void()>& end)>;
 
 /// Runs `checks` in a child process; each finding that it passes on arrives at `on_finding` here.
-/// SIGUSR2 goes on to the child. One thread when it is called.
+/// SIGUSR2 and kDeviceStopSignals go on to the child, which `checks` must end then (DeviceStop),
+/// and which is asked to end by SIGTERM if this process is killed. One thread when it is called.
 /// @return false: the child ended before its checks did, which is a finding too
-/// @throws SetupError  what `checks` has thrown
+/// @throws SetupError   what `checks` has thrown
+/// @throws Interrupted  a signal ended the checks
 bool find_apart(const ChecksApart& checks, const OnFinding& on_finding);
 
 }  // namespace palpate

@@ -3,13 +3,17 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <condition_variable>
 #include <mutex>
+#include <stdexcept>
 #include <stop_token>
 #include <thread>
 
 #include "common/core/check.h"
+#include "common/process/realtime.h"
 #include "device_node/conformance/device_checks.h"
+#include "device_node/release.h"
 #include "device_node/simulation/hand.h"
 
 namespace palpate {
@@ -58,6 +62,59 @@ class HangWatch {
   std::jthread thread_;                 // last: ends before what it uses
 };
 
+/// Without a watchdog, and nothing in the session that accepts it: as identify.
+constexpr double kMostUnguardedNewton = 1.0;
+
+/// Thrown between two calls of the driver.
+struct StopRequested {};
+
+class StoppableBench final : public OpenedDevice {
+ public:
+  StoppableBench(HapticDevice& device, Clock& clock, Duration period, Duration stamp_tolerance,
+                 const ConformDeviceOptions& options, double limit_newton)
+      : OpenedDevice(device, clock, period, stamp_tolerance, options.profile),
+        stop_(options.start_up.stop),
+        limit_newton_(limit_newton) {}
+
+  void pass(Duration time) override {
+    if (stop_.stop_requested()) throw StopRequested();
+    OpenedDevice::pass(time);
+  }
+  [[nodiscard]] double limit_newton() const override { return limit_newton_; }
+
+ private:
+  std::stop_token stop_;
+  double limit_newton_;
+};
+
+/// @throws SetupError  what the user did not agree to
+void check_consent(const DeviceSpecification& specification, const ConformDeviceOptions& options,
+                   double limit_newton) {
+  if (specification.is_simulated) return;
+  if (!options.may_move_hardware) {
+    throw SetupError(
+        fmt::format("device \"{}\" is real and would move by itself, with up to {:.3g} N "
+                    "(device.peak_force_newton); clear its workspace, take the hand off and give "
+                    "--i-understand-this-moves-the-device",
+                    specification.model_name, limit_newton));
+  }
+  if (!specification.has_motor_watchdog && !options.may_lack_watchdog) {
+    throw SetupError(
+        fmt::format("device \"{}\" has no motor-side watchdog: it would go on pushing, with up to "
+                    "{:.3g} N (device.peak_force_newton), if this program were killed; with a hand "
+                    "at its power switch, `palpate conform device --without-watchdog` checks it",
+                    specification.model_name, limit_newton));
+  }
+}
+
+/// No push is stronger.
+double limit_of(const DeviceSpecification& specification, const ConformDeviceOptions& options) {
+  const double limit_newton = std::min(options.peak_force_newton, specification.peak_force_newton);
+  const bool is_guarded = specification.is_simulated || specification.has_motor_watchdog;
+  return is_guarded || options.accepts_no_watchdog ? limit_newton
+                                                   : std::min(limit_newton, kMostUnguardedNewton);
+}
+
 }  // namespace
 
 std::vector<ConformFinding> conform_device(const Session& session,
@@ -66,10 +123,14 @@ std::vector<ConformFinding> conform_device(const Session& session,
       {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed},
        .driver = session.side().driver});
   SteadyClock steady(session.side().realtime.wait);
-  ConformDeviceOptions with_profile = options;
-  with_profile.profile = session.side().device.profile;
+  const DeviceConfig& device = session.side().device;
+  ConformDeviceOptions of_session = options;
+  of_session.profile = device.profile;
+  of_session.peak_force_newton = device.peak_force_newton;
+  of_session.accepts_no_watchdog = device.accepts_no_motor_watchdog;
+  of_session.realtime = session.side().realtime;
   return conform_device(drivers.at(driver_name(session.side().driver)),
-                        from_seconds(1.0 / session.side().device.rate_hz), steady, with_profile);
+                        from_seconds(1.0 / device.rate_hz), steady, of_session);
 }
 
 std::vector<ConformFinding> conform_device(const Driver& driver, Duration period, Clock& steady,
@@ -78,13 +139,8 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
   Clock& clock = driver.is_simulated ? virtual_time : steady;
   const auto device = driver.open(clock, options.start_up);
   const DeviceSpecification& specification = device->specification();
-  if (!specification.is_simulated && !options.may_move_hardware) {
-    throw SetupError("device \"" + specification.model_name +
-                     "\" is real and would move by itself, with up to a third of its continuous "
-                     "force; clear its workspace, take the hand off and give "
-                     "--i-understand-this-moves-the-device");
-  }
-
+  const double limit_newton = limit_of(specification, options);
+  check_consent(specification, options, limit_newton);
   if (!specification.is_simulated) {
     await_calibration(*device, options.start_up);
     await_acknowledgement(options.start_up,
@@ -92,15 +148,29 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
                           "send SIGUSR2: it moves by itself.");
   }
 
-  OpenedDevice bench(*device, clock, period, driver.is_simulated ? Duration{} : period,
-                     options.profile);
+  StoppableBench bench(*device, clock, period, driver.is_simulated ? Duration{} : period, options,
+                       limit_newton);
   std::vector<ConformFinding> findings;
   HangWatch watch(options);
+  if (!driver.is_simulated && options.realtime) {
+    options.start_up.prompt("event=realtime " + enter_realtime(*options.realtime).text);
+  }
+  bool may_push = true;
   for (const DeviceCheck& check : device_checks()) {
     watch.begin(check);
-    const CheckOutcome outcome = check.run(bench);
+    CheckOutcome outcome{CheckVerdict::kNotObservable,
+                         "not tried: a small push along each axis must be seen first (motors)"};
+    try {
+      if (options.start_up.stop.stop_requested()) throw StopRequested();
+      if (may_push) outcome = check.run(bench);
+    } catch (const StopRequested&) {
+      const bool is_released = release_for_certain(*device, clock);
+      throw std::runtime_error(std::string("the checks were stopped; ") +
+                               (is_released ? "the motors were released" : kNotReleased));
+    }
     const bool is_good = outcome.verdict == CheckVerdict::kGood;
     const bool is_checked = outcome.verdict != CheckVerdict::kNotObservable;
+    if (check.is_first_push && !specification.is_simulated) may_push = is_good;
     findings.push_back({.check = check.name,
                         .is_good = is_good,
                         .text = outcome.text,

@@ -15,6 +15,7 @@
 #include "common/core/version.h"
 #include "common/process/run_node.h"
 #include "common/process/terminal.h"
+#include "deploy/conform/device_stop.h"
 #include "deploy/palpate/launch/launcher.h"
 
 namespace palpate {
@@ -65,6 +66,9 @@ int run(int argc, char** argv, const std::function<std::vector<Command>(CLI::App
   } catch (const SetupError& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kExitSetupError;
+  } catch (const Interrupted& stopped) {
+    std::fprintf(stderr, "palpate: %s\n", stopped.what());
+    return stopped.exit_status();
   } catch (const std::exception& error) {
     std::fprintf(stderr, "palpate: %s\n", error.what());
     return kExitFailure;

@@ -15,6 +15,7 @@
 #include "deploy/conform/apart.h"
 #include "deploy/conform/conform_device.h"
 #include "deploy/conform/conform_physics.h"
+#include "deploy/conform/device_stop.h"
 #include "deploy/launch/trust.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
@@ -130,10 +131,17 @@ struct ConformDevice {
     session.add_to(app);
     add_side_option(app, side);
     app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
-                 "required for real hardware: the device moves by itself, with up to a third of "
-                 "its continuous force");
+                 "required for real hardware: the device moves by itself, with up to "
+                 "device.peak_force_newton");
+    app.add_flag("--without-watchdog", options.may_lack_watchdog,
+                 "required for motors that end no force by themselves: they go on pushing if this "
+                 "program is killed; keep a hand at the power switch. With up to 1 N, unless the "
+                 "session accepts more (device.accept)");
     add_trust_flag(app, is_trusted);
     add_output_options(app, output);
+    app.footer(app.get_footer() +
+               "\nCtrl-C, SIGTERM and SIGHUP release the motors, until the device confirms it or "
+               "for 1 s, and end with 130, 143 or 129.");
   }
 
   int run(const Verbosity& verbosity) {
@@ -150,6 +158,8 @@ struct ConformDevice {
 
  private:
   void check(const Session& loaded, const OnFinding& on_finding, const std::function<void()>& end) {
+    const DeviceStop stop(loaded.side().realtime.priority);
+    options.start_up.stop = stop.token();
     options.on_finding = on_finding;
     options.on_hang = [&](const ConformFinding& found) {
       on_finding(found);

@@ -305,13 +305,19 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
                         .text = "none yet: " + specification.calibration + ", as device_node asks",
                         .is_note = true});
   }
-  findings.push_back({.what = "acknowledgement",
-                      .text = "no force before a person acknowledges each start and each fault: "
-                              "SIGUSR2 to device_node, or a press of device.dead_man_button",
-                      .is_note = true});
+  findings.push_back(
+      {.what = "acknowledgement",
+       .text = std::string("no force before a person acknowledges each start and "
+                           "each fault: SIGUSR2 to device_node") +
+               (side.device.dead_man_button
+                    ? ", or a press of button " + std::to_string(*side.device.dead_man_button) +
+                          ", device.dead_man_button"
+                    : ""),
+       .is_note = true});
   try {
     device::refuse_missing_button(side.device, specification);
     device::refuse_unmonitored(side.device, specification, false);
+    if (side.device.has_hands_off_check) device::refuse_hands_off_check(specification);
   } catch (const SetupError& error) {
     findings.push_back({"device", "does not fit the session", error.what()});
   }

@@ -76,6 +76,9 @@ void wait_until_let_go(HapticDevice& device, Clock& clock, const StartUp& start_
   DeviceSample rest;
   DeviceSample now;
   for (bool is_at_rest = false;;) {
+    if (start_up.stop.stop_requested()) {
+      throw SetupError("stopped before the device moved; its motors are released");
+    }
     if (!device.read(now)) throw IdentificationError("the device cannot be read");
     const bool is_inside = (now.hand_position_m.array().abs() <= box_half_extent_m.array()).all();
     if (!is_inside || (now.hand_position_m - rest.hand_position_m).norm() > kAtRest_m) {
@@ -117,7 +120,8 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   Clock& clock = driver.is_simulated ? virtual_time : steady;
   const TimePoint start = clock.now();
   std::optional<TerminalAcknowledgement> terminal;
-  StartUp start_up{.prompt = print_prompt, .is_acknowledged = options.is_acknowledged};
+  StartUp start_up{
+      .prompt = print_prompt, .stop = options.stop, .is_acknowledged = options.is_acknowledged};
   if (!driver.is_simulated && !start_up.is_acknowledged) {
     terminal.emplace();
     start_up.is_acknowledged = [&] { return terminal->take(); };
@@ -125,6 +129,7 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   const auto device = driver.open(clock, start_up);
   const DeviceSpecification& specification = device->specification();
   SweepPlan plan = default_sweep_plan(specification);
+  plan.stop = options.stop;
   if (!driver.is_simulated) plan.dead_man_button = session.side().device.dead_man_button;
 
   print_heading(specification, plan);

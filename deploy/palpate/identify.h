@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <stop_token>
 #include <string>
 
 #include "common/core/clock.h"
@@ -21,6 +22,8 @@ struct IdentifyOptions {
   /// Whether the person at the device has acknowledged the last prompt; empty: Enter in the
   /// terminal, or SIGUSR2.
   std::function<bool()> is_acknowledged = {};
+  /// Ends it, motors released.
+  std::stop_token stop = {};
 };
 
 /// Sweeps the device of the session, without a hand, and prints a row per line as it proceeds. A
@@ -28,7 +31,8 @@ struct IdentifyOptions {
 /// on the steady clock, in real time and with the session's real-time scheduling. It begins when a
 /// person has acknowledged the prompt and it was then at rest in its workspace for 2 s.
 /// @throws SetupError                   refused, or the profile cannot be written
-/// @throws device::IdentificationError  a bound was reached or the device failed
+/// @throws device::IdentificationError  a bound was reached, the device failed or the stop was
+///     requested
 void run_identify(const Session& session, const IdentifyOptions& options);
 /// The same with another driver. @param steady  the clock of hardware
 void run_identify(const Session& session, const IdentifyOptions& options,

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <exception>
+
 #include "common/process/options.h"
 #include "common/session/session_file.h"
+#include "deploy/conform/device_stop.h"
 #include "deploy/launch/trust.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/identify.h"
@@ -31,16 +34,26 @@ struct IdentifyCommand {
                  "required for real hardware: the device moves by itself, with up to 1 N");
     app.add_flag("--without-watchdog", options.consent.may_lack_watchdog,
                  "required for motors that end no force by themselves: they go on pushing if this "
-                 "program stops; keep a hand at the power switch");
+                 "program is killed; keep a hand at the power switch");
+    app.footer(
+        "Ctrl-C, SIGTERM and SIGHUP release the motors, until the device confirms it or for 1 s, "
+        "and end with exit status 130, 143 or 129.");
   }
 
-  int run(const Verbosity& verbosity) const {
+  int run(const Verbosity& verbosity) {
     // the session may include the profile that this command is about to write
     std::vector<std::string> overrides = session.overrides;
     overrides.emplace_back("device.profile_file=");
     const Session loaded = with_only_side(load_session(session.file, overrides), side);
     require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted);
-    run_identify(loaded, options);
+    const DeviceStop stop(loaded.side().realtime.priority);
+    options.stop = stop.token();
+    try {
+      run_identify(loaded, options);
+    } catch (const std::exception& error) {
+      if (stop.signal() == 0) throw;
+      throw Interrupted(stop.signal(), error.what());
+    }
     say_written({options.profile_file}, verbosity);
     return 0;
   }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // device_checks.h — what every driver must do, as checks that a test and `palpate conform device`
-// run. The device moves by up to a third of its continuous force; nobody needs to hold it.
+// run. The device pushes with up to DeviceBench::limit_newton(); nobody needs to hold it.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -33,6 +34,10 @@ class DeviceBench {
   /// Friction and resolution that the session claims; the default claims none.
   [[nodiscard]] virtual DeviceProfile profile() const {
     return {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 0.0};
+  }
+  /// No check asks for more force. Below the peak force of the device its limit is not checked.
+  [[nodiscard]] virtual double limit_newton() const {
+    return std::numeric_limits<double>::infinity();
   }
   /// Allocations of this thread so far; none: not counted.
   [[nodiscard]] virtual std::optional<std::uint64_t> allocations() const { return std::nullopt; }
@@ -81,6 +86,8 @@ struct DeviceCheck {
   const char* name;    ///< "lease"
   const char* remedy;  ///< where it fails
   CheckOutcome (*run)(DeviceBench& bench);
+  /// The first that pushes, a little: on hardware none of those after it may, unless it is good.
+  bool is_first_push = false;
 };
 
 /// In the order in which one device can go through all of them; the first needs one that was just

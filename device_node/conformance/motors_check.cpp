@@ -5,6 +5,7 @@
 #include <chrono>
 
 #include "device_node/conformance/check_outcome.h"
+#include "device_node/conformance/pushes.h"
 #include "device_node/motor_check.h"
 
 namespace palpate::device {
@@ -28,7 +29,7 @@ CheckOutcome check_motors(DeviceBench& bench) {
   MotorCheck check({.rate_hz = 1.0 / to_seconds(period),
                     .profile = profile,
                     .force_axes = specification.force_axes,
-                    .limit_newton = specification.continuous_force_newton / 3.0});
+                    .limit_newton = gentle_newton(bench)});
   TimePoint next_at = bench.clock().now();
   // other checks left it moving: a handle that goes further than a push could looks like one pushed
   const TimePoint rest_by = next_at + kLongestDrift;

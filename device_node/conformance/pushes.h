@@ -2,6 +2,7 @@
 // pushes.h — small pushes of a device that nobody holds, for the checks of a driver.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <optional>
 
@@ -12,9 +13,10 @@ namespace palpate::device {
 inline constexpr const char* kNoReading = "read() gave nothing";
 inline constexpr double kSeenToMove_m = 0.2e-3;  // and four steps of the encoder
 
-/// A third of the continuous force: no driver has a reason to limit it.
+/// At most a third of the continuous force: no driver has a reason to limit it.
 inline double gentle_newton(DeviceBench& bench) {
-  return bench.device().specification().continuous_force_newton / 3.0;
+  return std::min(bench.limit_newton(),
+                  bench.device().specification().continuous_force_newton / 3.0);
 }
 inline Vector3 gentle_force_newton(DeviceBench& bench) {
   return Vector3(2, -1, 2) / 3.0 * gentle_newton(bench);

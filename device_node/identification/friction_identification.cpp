@@ -10,6 +10,7 @@
 
 #include "common/core/check.h"
 #include "common/core/tick_schedule.h"
+#include "device_node/release.h"
 
 namespace palpate::device {
 
@@ -26,7 +27,6 @@ constexpr double kTopSpeed_m_per_s = 0.1;
 constexpr std::size_t kSpeedTicks = 10;  // over which the speed is measured
 constexpr double kLeasePeriods = 3.0;
 constexpr int kTries = 5;  // of a sweep that a late tick disturbs
-constexpr int kReleaseAttempts = 100;
 
 // from rest: the force grows until the device moves
 constexpr double kForceRate_newton_per_s = 0.5;
@@ -93,7 +93,16 @@ class Rig {
   }
   Rig(const Rig&) = delete;
   Rig& operator=(const Rig&) = delete;
-  ~Rig() { release(); }
+  ~Rig() {
+    if (!is_released_) static_cast<void>(release_for_certain(device_, clock_));
+  }
+
+  /// The end of the sweeps.
+  void release() {
+    is_released_ = true;
+    if (release_for_certain(device_, clock_)) return;
+    throw IdentificationError(std::string("the device was measured, but ") + kNotReleased);
+  }
 
   /// From rest to rest at `target`; sets is_disturbed_. Mean speed and force over the window around
   /// `window_middle_m`, along the motion; no meaning if the motion does not cross the window.
@@ -185,16 +194,11 @@ class Rig {
     return (p.array().abs() <= plan_.box_half_extent_m.array()).all();
   }
 
-  /// Nobody else calls release() again before the device is closed.
-  void release() {
-    for (int attempt = 0; attempt < kReleaseAttempts && !device_.release(); ++attempt) {
-    }
-  }
-
   [[noreturn]] void fail(const std::string& what) {
-    release();
-    throw IdentificationError("at " + in_mm(position_m()) + " the device " + what +
-                              "; its motors were released");
+    is_released_ = true;
+    const bool is_confirmed = release_for_certain(device_, clock_);
+    throw IdentificationError("at " + in_mm(position_m()) + " the device " + what + "; " +
+                              (is_confirmed ? "its motors were released" : kNotReleased));
   }
 
   [[nodiscard]] bool is_held(const DeviceSample& sample) const noexcept {
@@ -203,6 +207,7 @@ class Rig {
 
   /// One period under the force.
   void step(const Vector3& force_newton) {
+    if (plan_.stop.stop_requested()) fail("was stopped");
     const Vector3 force = limited_to_norm(force_newton, limit_newton_);
     DeviceSample at_switch;
     if (!device_.apply(force, lease_, at_switch)) fail("failed to take a force");
@@ -286,6 +291,7 @@ class Rig {
   std::array<DeviceSample, kSpeedTicks + 1> readings_{};  ///< ring
   std::size_t newest_ = 0;
   Vector3 velocity_ = Vector3::Zero();  ///< filtered [m/s]
+  bool is_released_ = false;            ///< there is no more to come
   int leases_run_out_ = 0;              ///< since the motion began
   bool is_disturbed_ = false;           ///< the last sweep, until it left its window
 };
@@ -452,6 +458,7 @@ FrictionReport identify_friction(HapticDevice& device, Clock& clock, const Sweep
     report.lines.push_back({.line = line, .fit = fit_friction(points)});
     if (on_line) on_line(report.lines.back());
   }
+  rig.release();
 
   const auto smallest = [&](double FrictionFit::*bound) {
     double least = report.lines.front().fit.*bound;

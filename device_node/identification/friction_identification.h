@@ -13,6 +13,7 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <stop_token>
 #include <vector>
 
 #include "common/core/clock.h"
@@ -22,8 +23,9 @@
 
 namespace palpate::device {
 
-/// The sweeps were aborted: a bound was reached or the device failed. The motors are limp. The text
-/// states what happened, where, and what to do.
+/// The sweeps were aborted: a bound was reached, the device failed or a stop was requested. The
+/// motors are limp, or did not confirm it. The text states that, what happened, where, and what to
+/// do.
 class IdentificationError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -76,6 +78,8 @@ struct SweepPlan {
   /// A person beside the device holds it; released, it aborts. Not one on the handle, which nobody
   /// may hold. None: there is none.
   std::optional<std::uint32_t> dead_man_button = {};
+  /// Aborts.
+  std::stop_token stop = {};
 };
 
 /// The axes of D as far as there are motors along them; unit.
@@ -118,7 +122,7 @@ void check_consent(const DeviceSpecification& specification, const SweepConsent&
 /// @param on_line  called after each line, motors limp
 /// @throws SetupError           before anything moved: not agreed, outside the box, the dead-man
 ///     button not held
-/// @throws IdentificationError  motors limp
+/// @throws IdentificationError  motors released; also where they did not confirm it at the end
 [[nodiscard]] FrictionReport identify_friction(
     HapticDevice& device, Clock& clock, const SweepPlan& plan, const SweepConsent& consent,
     const std::function<void(const LineFriction&)>& on_line = {});

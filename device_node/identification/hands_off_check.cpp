@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "common/core/check.h"
+
 namespace palpate::device {
 namespace {
 
@@ -22,6 +24,14 @@ SweepPlan hands_off_plan(const DeviceSpecification& specification) {
   }
   plan.repeats = 2;
   return plan;
+}
+
+void refuse_hands_off_check(const DeviceSpecification& specification) {
+  if (specification.has_motor_watchdog) return;
+  throw SetupError("device.hands_off_check: device \"" + specification.model_name +
+                   "\" has no motor-side watchdog: it would go on pushing, with up to 1 N, if "
+                   "device_node stopped; leave the field out, and measure it with a hand at its "
+                   "power switch by `palpate identify --without-watchdog`");
 }
 
 CheckedProfile checked_profile(const DeviceProfile& profile, const FrictionReport& report) {

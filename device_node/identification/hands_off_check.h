@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <stop_token>
 
 #include "common/core/clock.h"
 #include "common/session/device_profile.h"
@@ -30,14 +31,19 @@ struct CheckedProfile {
 [[nodiscard]] CheckedProfile checked_profile(const DeviceProfile& profile,
                                              const FrictionReport& report);
 
+/// A check that a person has to acknowledge is refused before that.
+/// @throws SetupError  the motors of the device end no force by themselves
+void refuse_hands_off_check(const DeviceSpecification& specification);
+
 /// The check: moves the device with its own motors, within the bounds of identify_friction(), and
 /// returns with the motors limp. Throws as identify_friction() does.
-/// @param dead_man_button  @see SweepPlan
+/// @param dead_man_button, stop  @see SweepPlan
 [[nodiscard]] inline CheckedProfile check_hands_off(
     HapticDevice& device, Clock& clock, const DeviceProfile& profile,
-    std::optional<std::uint32_t> dead_man_button = {}) {
+    std::optional<std::uint32_t> dead_man_button = {}, const std::stop_token& stop = {}) {
   SweepPlan plan = hands_off_plan(device.specification());
   plan.dead_man_button = dead_man_button;
+  plan.stop = stop;
   return checked_profile(profile, identify_friction(device, clock, plan, {.may_move = true}));
 }
 

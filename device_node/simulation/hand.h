@@ -22,6 +22,13 @@ namespace palpate::device {
   return hand;
 }
 
+/// The same, while a person beside the device presses its buttons as this hand does.
+[[nodiscard]] inline HandConfig beside(const HandConfig& hand) {
+  HandConfig let_go = nobody();
+  let_go.presses = hand.presses;
+  return let_go;
+}
+
 /// Intended point at `t_s` ≥ 0 seconds after the start.
 ///
 /// V: the V starts at s = apex − half_width·tangent + height·normal. For the first t_free seconds

@@ -76,8 +76,10 @@ struct EmulateCommand {
                                "unplugged@2:500; KIND is one of {{{}}}",
                                fmt::join(device::fault_kinds(), ", ")))
         ->type_name("FAULT");
-    app.add_flag("--hands-off", is_let_go,
-                 "nobody holds the device, as `palpate identify` requires");
+    app.add_flag(
+        "--hands-off", is_let_go,
+        "nobody holds the device, as `palpate identify` requires; its buttons are pressed as "
+        "hand { press } says");
     add_no_realtime_flag(app, has_no_realtime);
     app.add_option("--seconds", seconds, "end after this time; without it at Ctrl-C")
         ->check(CLI::PositiveNumber);
@@ -105,7 +107,7 @@ struct EmulateCommand {
   using Faults = std::vector<device::PlannedFault>;
 
   [[nodiscard]] HandConfig hand_of(const Session& whole) const {
-    return is_let_go ? device::nobody() : whole.side().hand;
+    return is_let_go ? device::beside(whole.side().hand) : whole.side().hand;
   }
 
   int emulate(const HaplyConfig& haply, const Session& whole, const Faults& planned) const {

@@ -249,5 +249,14 @@ TEST(Hand, PressesAButtonFromItsStartToItsEnd) {
   EXPECT_EQ(hand.buttons(3.0), 0u);
 }
 
+// A dead-man button that is not on the handle.
+TEST(Hand, WhoStandsBesideTheDevicePressesItsButtonsAndDoesNotHoldIt) {
+  const HandConfig let_go = beside({.presses = {{.button = 1, .from_s = 1.0, .until_s = 2.0}}});
+  EXPECT_EQ(let_go.mass_kg, 0.0);
+  EXPECT_EQ(let_go.stiffness_newton_per_m, 0.0);
+  EXPECT_EQ(let_go.damping_newton_s_per_m, 0.0);
+  EXPECT_EQ(Hand(let_go, {}, 1).buttons(1.5), 2u);
+}
+
 }  // namespace
 }  // namespace palpate::device

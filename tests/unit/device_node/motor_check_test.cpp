@@ -6,9 +6,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <utility>
@@ -244,6 +246,42 @@ TEST(MotorCheck, OfAHeldArmTheGainIsALowerBound) {
     const Checked held = check({.hand = hand_of(0.1, 2000.0, 40.0)}, times(gain));
     EXPECT_EQ(held.verdict, MotorVerdict::kGood);
     EXPECT_LE(held.gain, 1.1 * gain);
+  }
+}
+
+// --- what a held hand receives
+
+/// Of a spring, mass and damper b under g F sin ωt: at most g² F² t/(2b), at resonance; and where
+/// the positions are seen, none of which may go further than 5 mm in half a wave, ½ ω g F 2.5 mm t.
+TEST(MotorCheck, WhatAHeldHandReceivesDependsOnItsResonanceAndIsBounded) {
+  struct Case {
+    HandConfig hand;
+    double gain = 1.0;
+    bool freezes = false;
+    double most_joule;  // docs/devices.md
+  };
+  const HandConfig loose = hand_of(0.055, 300.0, 3.0);
+  const HandConfig firm = hand_of(0.105, 1000.0, 6.0);
+  const HandConfig resonant = hand_of(0.015, 600.0, 2.0);
+  for (const auto& [hand, gain, freezes, most_joule] :
+       {Case{loose, 1.0, false, 0.0}, Case{firm, 1.0, false, 0.0}, Case{resonant, 1.0, false, 0.0},
+        Case{resonant, 1.0, true, 0.0}, Case{resonant, 2.0, false, 0.0},
+        Case{resonant, 2.0, true, 0.0}, Case{loose, 2.0, true, 0.0}, Case{loose, 1.0, true, 0.0}}) {
+    const Checked checked = check({.hand = hand, .freezes = freezes}, times(gain));
+    const double push_newton = gain * 0.4;
+    const double damping = hand.damping_newton_s_per_m + 0.1;
+    double bound_joule = push_newton * push_newton * checked.seconds / (2.0 * damping);
+    constexpr double kOmega_rad_per_s = 2.0 * std::numbers::pi * 16.0;
+    if (!freezes) {
+      bound_joule = std::min(bound_joule, 0.5 * kOmega_rad_per_s * push_newton * 0.5 *
+                                              MotorCheck::kFarthest_m * checked.seconds);
+    }
+    std::printf("K %g B %g m %g gain %g frozen %d: verdict %d, %.1f mJ in %.2f s, bound %.1f mJ\n",
+                hand.stiffness_newton_per_m, hand.damping_newton_s_per_m, hand.mass_kg, gain,
+                freezes, (int)checked.verdict, 1e3 * checked.received_joule, checked.seconds,
+                1e3 * bound_joule);
+    EXPECT_LE(checked.received_joule, bound_joule);
+    (void)most_joule;
   }
 }
 
