@@ -25,9 +25,11 @@ set(PALPATE_BOUNDARIES
   "common/contact/elastic:common/core"
   "common/session:common/core"
   "common/session/file:common/core,common/core/user,common/session,@wire"
+  "common/session/file/task:common/core,common/session,common/session/file,@wire"
   "common/session/reference:common/session/file,@wire"
   "common/telemetry:common/core,common/core/user,common/session,common/telemetry/verdict,@log,@threads"
   "common/telemetry/verdict:common/core,common/session,common/telemetry,@log"
+  "common/task:common/core,common/session,common/telemetry,@log"
   # in link: codec, security ← socket ← the ends
   "common/link/codec:common/core,common/core/elastic,common/coupling,common/telemetry,@wire"
   "common/link/security:common/core,common/core/user,@zmq,@threads"
@@ -90,11 +92,12 @@ set(PALPATE_BOUNDARIES
 
   # feed ← recording, server ← process (the files of viewer_node itself)
   "viewer_node/openigtlink:common/core,common/link,common/process,common/session,common/telemetry,viewer_node/feed,@log"
-  "viewer_node:common/*,viewer_node/audience,viewer_node/feed,viewer_node/live,viewer_node/openigtlink,viewer_node/recording,viewer_node/server,@log"
-  "viewer_node/live:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,@log"
+  "viewer_node:common/*,viewer_node/audience,viewer_node/feed,viewer_node/live,viewer_node/openigtlink,viewer_node/recording,viewer_node/server,viewer_node/task,@log"
+  "viewer_node/live:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,viewer_node/task,@log"
   "viewer_node/audience:common/*,viewer_node/live/channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
   "viewer_node/feed:common/core,common/session,common/telemetry"
   "viewer_node/recording:common/*,viewer_node/feed,@log,@threads"
+  "viewer_node/task:common/*,viewer_node/feed,viewer_node/recording"
   "viewer_node/server:common/core,common/core/user,@threads"
 
   # lockstep ← campaign; launch ← conform; campaign, conform ← palpate
@@ -104,7 +107,7 @@ set(PALPATE_BOUNDARIES
   "deploy/scan:common/core,common/core/user,common/contact,physics_node/surfaces,physics_node/files,physics_node/elastic"
   "deploy/launch:common/*,@log,@threads"
   "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/release.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
-  "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
+  "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,viewer_node/task,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

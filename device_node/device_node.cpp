@@ -158,6 +158,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   record.measured_tool_position_world_m = state.tool_position_world_m;
   record.measured_tool_orientation_world = state.tool_orientation_world;
   record.is_clutched = state.is_clutched;
+  record.buttons = state.buttons;
   record_acted(record);
   notify_observer(record);
 

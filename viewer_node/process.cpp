@@ -19,6 +19,8 @@
 #include "viewer_node/audience/relay.h"
 #include "viewer_node/feed/status_line.h"
 #include "viewer_node/openigtlink/feed.h"
+#include "viewer_node/task/hidden_lesions.h"
+#include "viewer_node/task/task_view.h"
 
 namespace palpate::viewer {
 namespace {
@@ -138,6 +140,9 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     context.log.info("event=plotjuggler endpoint={} schema=proto/palpate/v1/plot.proto",
                      plot->endpoint());
   }
+  std::optional<TaskView> task;
+  if (context.session.task) task.emplace(context.session);
+  HiddenLesions hidden(context.session);
   for (std::size_t i = 0; i < sides.size(); ++i) {
     CsvWriter* csv = nullptr;
     if (!options.csv_file.empty()) {
@@ -146,8 +151,9 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
           csvs.emplace_back(std::make_unique<CsvWriter>(file, options.record.may_overwrite)).get();
     }
     Plot* shown = i == 0 && plot ? &*plot : nullptr;
-    if (csv == nullptr && shown == nullptr) continue;
-    mirrors[i].on_row = [csv, shown](const TickRow& row) {
+    if (csv == nullptr && shown == nullptr && !task) continue;
+    mirrors[i].on_row = [csv, shown, &task](const TickRow& row) {
+      if (task) task->take(row);
       if (csv != nullptr) csv->write(row);
       if (shown != nullptr) shown->show(row);
     };
@@ -178,18 +184,24 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   };
   std::optional<WebFeed> web;
   if (options.web.is_enabled(context.session.viewer.web)) {
-    web.emplace(context, links, options.web, feed.subscriber(), mirrors);
+    web.emplace(context, links, options.web, feed.subscriber(), mirrors, task ? &*task : nullptr);
   }
   std::optional<IgtlFeed> igtl;
   if (options.openigtlink) {
     igtl.emplace(context, *options.openigtlink, feed.subscriber(), mirrors);
   }
-  feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
-    if (relay) relay->take(message, payload);
-    if (recording) recording->take(message, payload);
-    if (web) web->take(message, payload);
-    if (igtl) igtl->take(message);
+  const auto pass_on = [&](const std::optional<HiddenLesions::Passed>& passed) {
+    if (!passed) return;
+    if (relay) relay->take(*passed->message, passed->payload);
+    if (web) web->take(*passed->message, passed->payload);
+    if (igtl) igtl->take(*passed->message);
   };
+  feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
+    if (recording) recording->take(message, payload);
+    if (task) task->take(message);
+    pass_on(hidden.pass(message, payload));
+  };
+  if (task) feed.subscriber().subscribe<SceneState>();
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
   bool is_quiet = options.is_quiet;
@@ -200,6 +212,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     if (igtl) deadline = std::min(deadline, igtl->due());
     feed.pump(mirrors, deadline);
     const TimePoint now = context.clock.now();
+    if (task && task->may_reveal()) pass_on(hidden.reveal());
     if (igtl) igtl->pump(now);
     if (relay) relay->pump();
     if (web) web->pump(now);

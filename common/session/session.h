@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,7 @@
 #include "common/session/mofc_config.h"
 #include "common/session/scene_config.h"
 #include "common/session/simulation_config.h"
+#include "common/session/task_config.h"
 #include "common/session/viewer_config.h"
 
 namespace palpate {
@@ -53,6 +55,7 @@ struct Session {
   FaultsConfig faults;
   SecurityConfig security;
   AdversaryConfig adversary;                       ///< lockstep only
+  std::optional<TaskConfig> task;                  ///< only with one side
   std::vector<Side> sides = std::vector<Side>(1);  ///< never empty
 
   /// The only side; with several devices the first.

@@ -30,6 +30,10 @@ namespace palpate {
                                     const std::vector<std::string>& overrides = {},
                                     const std::filesystem::path& base_dir = {});
 
+/// The text of a session without the targets of its task, the lesions that they are, and the
+/// recorded path and the presses of a hand that has searched for them; "" if it cannot be read.
+[[nodiscard]] std::string without_targets(std::string_view text);
+
 /// The file of the session and every file and folder that it names, whether or not this process
 /// reads them.
 [[nodiscard]] std::vector<std::string> files_of(const Session& session);

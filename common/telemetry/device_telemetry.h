@@ -90,6 +90,7 @@ struct DeviceTick {
   bool is_peak_limited = false;     ///< reduced by the device's peak or slew limit
   bool is_monitor_reduced = false;  ///< force or lease reduced by the monitor of the energy
   bool is_clutched = false;
+  std::uint32_t buttons = 0;  ///< bit i is set while button i is held
 
   /// Simulated devices only; NaN otherwise. The controller never sees these.
   Vector3 true_tool_position_world_m = Vector3::Constant(kNaN);

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/messages.h"
@@ -17,12 +18,22 @@ namespace palpate {
 
 /// A moment that somebody marked in a run.
 struct Marker {
+  /// Values as in run.proto.
+  enum class Kind : std::uint8_t {
+    kNote = 0,       ///< while a palpation task runs: a find
+    kTaskStart = 1,  ///< the first of a run counts
+    kTaskStop = 2,
+  };
   static constexpr std::size_t kMostTextBytes = 200;
   static constexpr std::size_t kMostOriginBytes = 64;
 
   std::uint64_t at_ns = 0;  ///< wall clock, since 1970
-  std::string text;         ///< UTF-8 without control characters
-  std::string origin;       ///< "terminal", "page"
+  std::string text{};       ///< UTF-8 without control characters
+  std::string origin{};     ///< "terminal", "page"
+  Kind kind = Kind::kNote;
+  /// The newest tick of the device when it was set, of sessions without sides; 0, 0: none.
+  std::uint64_t device_session_id = 0;
+  std::uint64_t device_sequence = 0;
 
   bool operator==(const Marker&) const = default;
 };
@@ -57,31 +68,54 @@ struct RunRequest {
   static constexpr double kFastest_ratio = 1000.0;
 
   Header header;
-  std::optional<std::string> marker;  ///< set one now; empty text: "marker 1", …
-  std::optional<double> seek_s;       ///< of a replay
-  std::optional<bool> is_paused;      ///< of a replay
-  std::optional<double> speed_ratio;  ///< of a replay
-  std::optional<bool> is_recording;   ///< of viewer_node, which does not forward it
+  std::optional<std::string> marker;               ///< set one now; empty text: "marker 1", …
+  std::optional<double> seek_s;                    ///< of a replay
+  std::optional<bool> is_paused;                   ///< of a replay
+  std::optional<double> speed_ratio;               ///< of a replay
+  std::optional<bool> is_recording;                ///< of viewer_node, which does not forward it
+  Marker::Kind marker_kind = Marker::Kind::kNote;  ///< of `marker`
 
   /// Whether anything but `is_recording` is asked for.
   [[nodiscard]] bool is_for_run() const { return marker || seek_s || is_paused || speed_ratio; }
+};
+
+/// How far the task of a session is, for a page. It tells nothing about lesions before the end.
+struct TaskState {
+  enum class Phase : std::uint8_t { kWaiting = 0, kRunning = 1, kEnded = 2 };
+
+  Phase phase = Phase::kWaiting;
+  std::string briefing{};
+  bool is_search = false;  ///< a palpation: notes are finds
+  double elapsed_s = 0.0;
+  double time_s = 0.0;  ///< limit; 0: none
+  std::uint32_t marks = 0;
+  std::vector<std::string> findings{};                         ///< after the end
+  std::vector<std::pair<std::string, std::string>> figures{};  ///< after the end: label, value
+
+  bool operator==(const TaskState&) const = default;
 };
 
 /// The markers of a run, for its RunState.
 class MarkerLog {
  public:
   /// Appends a marker at this time or just after the previous one, and forgets the oldest beyond
-  /// RunState::kMostMarkers. @param text  empty: "marker 1", …
-  void add(std::uint64_t at_ns, const std::string& text, const char* origin) {
-    ++count_;
-    newest_.push_back({.at_ns = newest_.empty() ? at_ns : std::max(at_ns, newest_.back().at_ns + 1),
-                       .text = text.empty() ? "marker " + std::to_string(count_) : text,
-                       .origin = origin});
+  /// RunState::kMostMarkers. @param marker  an empty text: "marker 1", …, or what its kind says
+  void add(Marker marker) {
+    if (!newest_.empty()) marker.at_ns = std::max(marker.at_ns, newest_.back().at_ns + 1);
+    if (marker.kind == Marker::Kind::kNote) ++count_;
+    if (marker.text.empty()) marker.text = default_text(marker.kind);
+    newest_.push_back(std::move(marker));
     if (newest_.size() > RunState::kMostMarkers) newest_.erase(newest_.begin());
   }
   [[nodiscard]] const std::vector<Marker>& newest() const { return newest_; }
 
  private:
+  [[nodiscard]] std::string default_text(Marker::Kind kind) const {
+    if (kind == Marker::Kind::kTaskStart) return "task started";
+    if (kind == Marker::Kind::kTaskStop) return "task stopped";
+    return "marker " + std::to_string(count_);
+  }
+
   std::vector<Marker> newest_;
   std::uint64_t count_ = 0;
 };

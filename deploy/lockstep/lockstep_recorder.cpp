@@ -136,6 +136,20 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
   Codec<MeshFrame> meshes_;
 };
 
+SceneState lockstep_scene(const Session& session) {
+  struct Taker final : Sender<SceneState>, Sender<MeshFrame> {
+    SceneState newest;
+    SendResult send(const SceneState& scene) noexcept override {
+      newest = scene;
+      return SendResult::kSent;
+    }
+    SendResult send(const MeshFrame& /*frame*/) noexcept override { return SendResult::kNoPeer; }
+  } taker;
+  physics::SceneDisplay display(session, kLockstepPhysics, taker, taker);
+  display.publish({.scene_subscriptions = 1}, {}, TimePoint{});
+  return taker.newest;
+}
+
 LockstepRecorder::LockstepRecorder(const viewer::RecordOptions& options, const Session& session,
                                    const std::string& recorded_by)
     : impl_(std::make_unique<Impl>(options, session, recorded_by)) {}

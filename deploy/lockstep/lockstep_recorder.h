@@ -8,11 +8,16 @@
 #include <optional>
 #include <string>
 
+#include "common/core/scene_messages.h"
 #include "common/session/session.h"
 #include "deploy/lockstep/lockstep.h"
 #include "viewer_node/recording/recording.h"
 
 namespace palpate {
+
+/// The scene of the session as a recording of it begins with. Throws SetupError if a file of it
+/// cannot be used.
+[[nodiscard]] SceneState lockstep_scene(const Session& session);
 
 class LockstepRecorder {
  public:

@@ -9,6 +9,7 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
+#include "common/task/evaluator.h"
 #include "common/telemetry/csv_writer.h"
 #include "deploy/lockstep/lockstep_recorder.h"
 
@@ -76,11 +77,19 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
     recorder->listen_to(lockstep_options);
   }
 
+  std::optional<TaskEvaluator> task;
+  if (session.task && options.task_score != nullptr) {
+    task.emplace(*session.task, session.scene.tip_radius_m,
+                 TaskEvaluator::Options{.starts_with_run = true});
+    task->take(lockstep_scene(session));
+  }
+
   RunReport report;
   const Lockstep* running = nullptr;
   Lockstep lockstep(session, lockstep_options, [&](const TickRow& row, const IdealState& ideal) {
     report.statistics.add(row, ideal);
     if (csv) csv->write(row);
+    if (task) task->take(row);
     if (recorder) recorder->pump(*running, row, ideal);
   });
   running = &lockstep;
@@ -90,6 +99,10 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
                [&] { recorder->finish(lockstep, TimePoint(from_seconds(report.simulated_s))); });
   }
   if (csv) close(*csv, options);
+  if (task) {
+    task->finish();
+    *options.task_score = task->score();
+  }
   report.device = lockstep.device_counters();
   report.mofc = lockstep.mofc_counters();
   report.physics = lockstep.physics_counters();

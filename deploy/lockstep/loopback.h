@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/session/session.h"
+#include "common/task/score.h"
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/lockstep.h"
 #include "viewer_node/recording/recording.h"
@@ -24,6 +25,8 @@ struct LoopbackOptions {
   /// Takes what went wrong with an output that could not be written to its end, while the others
   /// are; null: it is thrown.
   std::vector<std::string>* lost_outputs = nullptr;
+  /// Takes the score of the session's task, if it has one and one side runs; may be null.
+  std::optional<TaskScore>* task_score = nullptr;
   LockstepOptions lockstep{.has_ideal = true};
   /// Called every 10 ms of simulated time with the share of the run that is done, 0 … 1; false ends
   /// the run, whose figures and files then cover the time so far. May be empty.

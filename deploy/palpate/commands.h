@@ -55,6 +55,8 @@ template <class Work>
 [[nodiscard]] Command add_merge_command(CLI::App& app);
 [[nodiscard]] Command add_recover_command(CLI::App& app);
 [[nodiscard]] Command add_report_command(CLI::App& app);
+[[nodiscard]] Command add_score_command(CLI::App& app);
+[[nodiscard]] Command add_make_task_command(CLI::App& app);
 [[nodiscard]] Command add_identify_command(CLI::App& app);
 [[nodiscard]] Command add_scene_check_command(CLI::App& app);
 [[nodiscard]] Command add_conform_command(CLI::App& app);

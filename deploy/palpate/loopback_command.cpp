@@ -17,6 +17,7 @@
 #include "common/process/options.h"
 #include "common/process/terminal.h"
 #include "common/session/session_file.h"
+#include "common/task/score.h"
 #include "common/telemetry/csv_writer.h"
 #include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/summary.h"
@@ -130,6 +131,8 @@ struct LoopbackCommand {
     }
     std::vector<std::string> lost;
     options.lost_outputs = &lost;
+    std::optional<TaskScore> task;
+    options.task_score = &task;
     const RunReport report =
         watched(loaded, options, verbosity, [&] { return run_loopback(loaded, options); });
     say_if_stopped(report, length_s.value_or(loaded.duration_s));
@@ -139,8 +142,11 @@ struct LoopbackCommand {
     if (!verbosity.is_quiet) {
       const std::string verdict = verdict_text(judge(facts_of(loaded, report)));
       std::fputs((summary_text(loaded, report) + verdict).c_str(), stdout);
+      if (task) std::fputs(score_text(*task).c_str(), stdout);
     }
-    write_json(json, summary_json(loaded, report), lost);
+    nlohmann::ordered_json all = summary_json(loaded, report);
+    if (task) all["task"] = score_json(*task);
+    write_json(json, all, lost);
     output.say_written({output.csv_file, post_mortem_file}, verbosity);
     return status;
   }

@@ -215,6 +215,7 @@ inline void randomise(DeviceTick& r, Random& random) {
   r.guard = static_cast<GuardState>(random.below(6));
   r.is_answered = random.chance(0.5);
   r.is_peak_limited = random.chance(0.5);
+  r.buttons = static_cast<std::uint32_t>(random.bits());
   r.is_clutched = random.chance(0.5);
   r.is_monitor_reduced = random.chance(0.5);
   if (random.chance(0.5)) {  // a simulated device: otherwise NaN
@@ -450,7 +451,10 @@ inline void randomise(RunState& m, Random& random) {
   for (Marker& marker : m.markers) {
     marker = {.at_ns = random.bits(),
               .text = random_line(random, Marker::kMostTextBytes),
-              .origin = random_line(random, Marker::kMostOriginBytes)};
+              .origin = random_line(random, Marker::kMostOriginBytes),
+              .kind = static_cast<Marker::Kind>(random.below(3)),
+              .device_session_id = random.bits(),
+              .device_sequence = random.bits()};
   }
   if (random.chance(0.5)) return;
   m.replay = {.file = random_line(random, 20),
@@ -469,6 +473,7 @@ inline void randomise(RunRequest& m, Random& random) {
   if (random.chance(0.5)) m.is_paused = random.chance(0.5);
   if (random.chance(0.5)) m.speed_ratio = random.uniform(0.1, RunRequest::kFastest_ratio);
   if (random.chance(0.5)) m.is_recording = random.chance(0.5);
+  m.marker_kind = static_cast<Marker::Kind>(random.below(3));
 }
 inline void randomise(TissueChange& m, Random& random) {
   m.header = random_header(random);
@@ -709,6 +714,7 @@ inline bool same(const DeviceTick& a, const DeviceTick& b) {
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.guard == b.guard &&
          a.is_answered == b.is_answered && a.is_peak_limited == b.is_peak_limited &&
          a.is_clutched == b.is_clutched && a.is_monitor_reduced == b.is_monitor_reduced &&
+         a.buttons == b.buttons &&
          same(a.true_tool_position_world_m, b.true_tool_position_world_m) &&
          same(a.true_tool_velocity_world_m_per_s, b.true_tool_velocity_world_m_per_s) &&
          same(a.true_energy_joule, b.true_energy_joule) &&
@@ -845,7 +851,7 @@ inline bool same(const RunState& a, const RunState& b) {
 inline bool same(const RunRequest& a, const RunRequest& b) {
   return same(a.header, b.header) && a.marker == b.marker && a.seek_s == b.seek_s &&
          a.is_paused == b.is_paused && a.speed_ratio == b.speed_ratio &&
-         a.is_recording == b.is_recording;
+         a.is_recording == b.is_recording && a.marker_kind == b.marker_kind;
 }
 inline bool same(const TissueChange& a, const TissueChange& b) {
   return same(a.header, b.header) && a.tissue == b.tissue &&

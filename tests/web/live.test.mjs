@@ -298,6 +298,29 @@ test_alone("a replay is led from the page, and nobody can touch it", {}, async (
   assert.deepEqual(page.problems, []);
 });
 
+test_alone("a lesion is hidden until the task has ended, and then shown with the score", {}, async () => {
+  nodes = await Nodes.start(["task.start=by_person", "hand.hold={ position_m { z: 0.03 } }"], "tasks/lump_search");
+  const page = await open(browser, nodes.url, { wait: false });
+  const frames = []; // everything that leaves the server
+  page.on("websocket", (socket) => socket.on("framereceived", ({ payload }) => frames.push(Buffer.from(payload))));
+  await page.reload();
+  const tells = (text) => frames.some((frame) => frame.includes(text));
+  await until(page, (t) => t.scene && t.device_ticks > 0, "the scene");
+  assert.deepEqual((await status(page)).scene.tissues.map(({ name }) => name), ["block"]);
+  await page.getByRole("button", { name: "Start" }).click();
+  await page.getByRole("button", { name: "Mark a find (M)" }).click(); // nothing was touched: a false alarm
+  await page.locator("#task", { hasText: "1 find marked" }).waitFor();
+  assert.ok(!tells("radius_m:") && !tells("block, part") && !tells("palpable_newton"));
+  const metrics = await (await fetch(`${nodes.url}metrics`)).text();
+  assert.doesNotMatch(metrics, /lump|part/);
+  await page.getByRole("button", { name: "Stop" }).click();
+  await page.locator("#task", { hasText: "Found 0 of 1." }).waitFor();
+  await page.locator("#task", { hasText: "1 mark was set where there is nothing." }).waitFor();
+  await until(page, (t) => t.scene.tissues.length === 2, "the lump");
+  assert.ok(tells("radius_m:") && tells("block, part"));
+  assert.deepEqual(page.problems, []);
+});
+
 test_alone("two hands: both tools are in one scene, and either one's figures can be shown", {}, async () => {
   nodes = await Nodes.start([], "two_hands", ["left", "right"]);
   const page = await open(browser, nodes.url, kSmall);

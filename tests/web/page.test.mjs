@@ -636,6 +636,72 @@ page_test("a replay has a badge, time, speed and scrubber, and offers no touch",
   await page.locator("#replay").waitFor({ state: "hidden" });
 });
 
+const kTask = { phase: 0, briefing: "Find the lump.\nPress firmly.", isSearch: true, elapsedS: 0, timeS: 60, marks: 0, findings: [], figures: [] };
+
+page_test("a task is done with the mouse: briefing, start, marks, stop, score in plain words", {}, async (page) => {
+  await page.locator("#task").waitFor({ state: "hidden" });
+  server.world.task = { ...kTask };
+  await until_shown(page, "#task", /Your task[^]*Find the lump\.\nPress firmly\.[^]*You have 1:00/);
+  await page.locator("#marker").waitFor({ state: "hidden" }); // a find has its own button
+  await page.locator("#task-find").waitFor({ state: "hidden" });
+  await page.getByRole("button", { name: "Start" }).click();
+  server.world.task.elapsedS = 12;
+  await until_shown(page, "#task", /0:48 left · 0 finds marked/);
+  await page.getByRole("button", { name: "Mark a find (M)" }).click();
+  await until_shown(page, "#task", /1 find marked/);
+  await page.getByRole("button", { name: "Stop" }).click();
+  await until_shown(page, "#task", /Score[^]*Found 1 of 2\.[^]*You pressed too lightly[^]*81\.0 %/);
+  assert.equal(await page.locator("#task button:visible").count(), 0);
+  server.world.task = undefined;
+  await page.locator("#task").waitFor({ state: "hidden" });
+});
+
+page_test("a task is done with the keyboard alone, and said to a screen reader", {}, async (page) => {
+  server.world.task = { ...kTask };
+  const start = page.getByRole("button", { name: "Start" });
+  await start.waitFor();
+  const region = page.getByRole("region", { name: "Your task" });
+  assert.equal(await region.count(), 1);
+  await start.focus();
+  await page.keyboard.press("Enter");
+  const said = page.locator("#task [role=status]");
+  await said.filter({ hasText: "The task has started." }).waitFor({ state: "attached" });
+  // the button that was used has gone: the keyboard is where one goes on
+  await page.locator("#task-find:focus").waitFor();
+  await page.locator("#canvas").focus();
+  await page.keyboard.press("m");
+  await said.filter({ hasText: "Find 1 marked." }).waitFor({ state: "attached" });
+  await page.getByRole("button", { name: "Stop" }).focus();
+  await page.keyboard.press(" ");
+  await said.filter({ hasText: "The task has ended. Found 1 of 2." }).waitFor({ state: "attached" });
+  await page.locator("#task-title:focus").waitFor();
+  await page.keyboard.press("m"); // nothing is marked after the end
+  assert.equal(server.world.task.marks, 1);
+  server.world.task = undefined;
+});
+
+page_test("a task fits a phone, and its buttons a finger", { page: { width: 390, height: 844, touch: true } }, async (page) => {
+  for (const phase of [0, 1, 2]) {
+    server.world.task = { ...kTask, phase, briefing: "Press firmly, place by place. ".repeat(12), findings: [`${kLong}: missed.`], figures: [{ label: "force over " + kLong, value: "0.73 N median, 0.80 N at 95 %, 0.82 N at most" }] };
+    await until_shown(page, "#task", phase === 0 ? /Start/ : phase === 1 ? /Stop/ : /Score/);
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), `phase ${phase} overflows`);
+    for (const button of await page.locator("#task button:visible").all()) {
+      const { width, height } = await button.boundingBox();
+      assert.ok(width >= 44 && height >= 44, `${await button.innerText()}: ${width} × ${height}`);
+    }
+  }
+  server.world.task = undefined;
+});
+
+page_test("in a replay a task offers nothing to press", {}, async (page) => {
+  server.world.replay = { ...kReplay };
+  server.world.task = { ...kTask, phase: 1 };
+  await until_shown(page, "#task", /left/);
+  assert.equal(await page.locator("#task button:visible").count(), 0);
+  server.world.replay = undefined;
+  server.world.task = undefined;
+});
+
 page_test("See inside shows the tool within tissue, and the view turns about the tool", { page: kPicture }, async (page) => {
   await rest_tool_at(page, -0.03); // in the block
   server.world.dent = { x: 1, y: 1, z: 1 }; // whose top stays flat
@@ -685,6 +751,7 @@ for (const dark of [false, true]) {
     server.write_log("mofc_node", "event=clamped_began", 3);
     server.world.replay = { ...kReplay };
     server.world.recorder = { ...server.world.recorder, problem: "disk full" };
+    server.world.task = { ...kTask, phase: 2, findings: ["Found 1 of 2."], figures: [{ label: "time", value: "30.0 s" }] };
     await until(page, (t) => t.replay && t.events.length > 1, "all there is to read");
     const poor = [];
     for (const alive of [true, false]) {
@@ -695,6 +762,7 @@ for (const dark of [false, true]) {
       assert.ok(found.length > 60, `${found.length} texts`);
       poor.push(...found.filter(({ contrast }) => !(contrast >= 4.5)));
       server.world.replay = undefined; // with the hand’s panel and the buttons
+      server.world.task = { ...kTask, phase: 1 };
       await page.locator("#replay").waitFor({ state: "hidden" });
     }
     assert.deepEqual(poor, []);

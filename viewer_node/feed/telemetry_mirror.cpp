@@ -260,4 +260,12 @@ const TelemetryMirror::JoinedTick* TelemetryMirror::newest_of_device() const {
   return found != ticks_.rend() ? &found->second : nullptr;
 }
 
+void note_newest_tick(std::span<const TelemetryMirror> mirrors, Marker& marker) {
+  if (mirrors.size() != 1) return;
+  const TelemetryMirror::JoinedTick* newest = mirrors.front().newest_of_device();
+  if (newest == nullptr) return;
+  marker.device_session_id = mirrors.front().device_session_id();
+  marker.device_sequence = newest->device->sequence;
+}
+
 }  // namespace palpate::viewer

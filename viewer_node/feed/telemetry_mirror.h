@@ -9,11 +9,13 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
 #include "common/telemetry/csv_writer.h"
+#include "common/telemetry/run_messages.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate::viewer {
@@ -154,5 +156,8 @@ class TelemetryMirror {
   std::map<std::uint64_t, PhysicsTick> physics_ticks_;
   std::optional<std::uint64_t> last_row_;
 };
+
+/// Names the newest tick of the device in the marker, where there is one device.
+void note_newest_tick(std::span<const TelemetryMirror> mirrors, Marker& marker);
 
 }  // namespace palpate::viewer

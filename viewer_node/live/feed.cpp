@@ -49,8 +49,10 @@ std::vector<std::string> changes_between(const SceneState& before, const SceneSt
 }  // namespace
 
 WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
-                 TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors)
+                 TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors,
+                 TaskView* task)
     : context_(context),
+      task_(task),
       sides_(context.session),
       server_((check_control(context.session, options),
                web_config(options, context.session.viewer.web)),
@@ -59,7 +61,8 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
       scene_(subscriber, server_, options.audience_interval()),
       hand_(context, links, server_),
       control_(context, links, mirrors, server_),
-      run_(context, links, subscriber, page_record_folder(options), scene_.mirror(), server_, log_),
+      run_(context, links, subscriber, page_record_folder(options), scene_.mirror(), mirrors, task,
+           server_, log_),
       health_(context.session, mirrors, subscriber, server_, log_),
       foxglove_(context.session, mirrors, scene_, server_, options.audience_interval()) {
   if (options.audience > 0) thinned_.emplace(context.session, server_, options.audience_interval());
@@ -115,8 +118,10 @@ void WebFeed::pump(TimePoint now) {
   hand_.pump(now);
   run_.pump(now);
   log_.pump(now);
-  health_.pump(
-      now, {.hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()});
+  ViewerHealth own{
+      .hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()};
+  if (task_ != nullptr) own.task = task_->state();
+  health_.pump(now, std::move(own));
   foxglove_.pump(now);
 }
 

@@ -31,15 +31,17 @@
 #include "viewer_node/live/run.h"
 #include "viewer_node/live/scene.h"
 #include "viewer_node/server/web_server.h"
+#include "viewer_node/task/task_view.h"
 
 namespace palpate::viewer {
 
 class WebFeed {
  public:
   /// Starts to listen; throws SetupError. All references must outlive it.
-  /// @param mirrors  of each of context.session.sides
+  /// @param mirrors  of each of context.session.sides   @param task  of the session; may be null
   WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
-          TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors);
+          TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors,
+          TaskView* task);
 
   /// Passes one message of hop 5 on. @param payload  the same message as received
   void take(const TelemetryMessage& message, std::span<const std::byte> payload);
@@ -54,6 +56,7 @@ class WebFeed {
   void handle(const WebServer::Event& event, TimePoint now);
 
   NodeContext& context_;
+  const TaskView* task_;
   SideIndex sides_;
   WebServer server_;
   WebLog log_;

@@ -86,12 +86,15 @@ ViewerHealth::Recorder PageRecorder::status(TimePoint now) const {
 }
 
 WebRun::WebRun(NodeContext& context, ProcessLinks& links, TelemetrySubscriber& subscriber,
-               const std::string& record_folder, const SceneMirror& scene, WebServer& server,
+               const std::string& record_folder, const SceneMirror& scene,
+               std::span<const TelemetryMirror> mirrors, TaskView* task, WebServer& server,
                WebLog& log)
     : context_(context),
       server_(server),
       log_(log),
       scene_(scene),
+      mirrors_(mirrors),
+      task_(task),
       out_(links.side, run_requests_of(context.session, Attachment::Role::kConnect)),
       header_{.session_id = context.session_id},
       recorder_(context, subscriber, record_folder),
@@ -132,15 +135,20 @@ void WebRun::hand_over_markers(TimePoint now) {
   for (; !markers_.empty(); markers_.pop_front()) {
     if (has_host(now)) {
       RunRequest request;
-      request.marker = markers_.front();
+      request.marker = markers_.front().text;
+      request.marker_kind = markers_.front().kind;
       if (send(std::move(request), now) != SendResult::kSent) return;
       continue;
     }
     if (now - began_at_ < RunHost::kGoneAfter) return;
-    own_.add(wall_clock_ns(), markers_.front(), "page");
+    Marker marker = markers_.front();
+    marker.at_ns = wall_clock_ns();
+    note_newest_tick(mirrors_, marker);
+    own_.add(std::move(marker));
     state_ = {};
     state_.markers = own_.newest();
     note_markers(state_);
+    if (task_ != nullptr) task_->take(state_);
     recorder_.take(TelemetryMessage(state_), {});
   }
 }
@@ -169,7 +177,9 @@ void WebRun::request(std::uint64_t client, const std::string& payload, TimePoint
     complain("this viewer_node has no folder for recordings; start it with --record-folder");
   }
   if (request->marker && markers_.size() < RunState::kMostMarkers) {
-    markers_.push_back(*std::exchange(request->marker, std::nullopt));
+    markers_.push_back({.text = *std::exchange(request->marker, std::nullopt),
+                        .origin = "page",
+                        .kind = request->marker_kind});
     hand_over_markers(now);
   }
   if (!request->is_for_run()) return;

@@ -22,9 +22,11 @@
 #include "common/process/run_host.h"
 #include "common/process/run_node.h"
 #include "viewer_node/feed/scene_mirror.h"
+#include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/live/log.h"
 #include "viewer_node/recording/recording.h"
 #include "viewer_node/server/web_server.h"
+#include "viewer_node/task/task_view.h"
 
 namespace palpate::viewer {
 
@@ -58,9 +60,10 @@ class PageRecorder {
 class WebRun {
  public:
   /// References must outlive it. @param record_folder  see PageRecorder
+  /// @param mirrors  of each side   @param task  of the session; may be null
   WebRun(NodeContext& context, ProcessLinks& links, TelemetrySubscriber& subscriber,
-         const std::string& record_folder, const SceneMirror& scene, WebServer& server,
-         WebLog& log);
+         const std::string& record_folder, const SceneMirror& scene,
+         std::span<const TelemetryMirror> mirrors, TaskView* task, WebServer& server, WebLog& log);
 
   /// One message of hop 5.
   void take(const TelemetryMessage& message, std::span<const std::byte> payload, TimePoint now);
@@ -86,14 +89,16 @@ class WebRun {
   WebServer& server_;
   WebLog& log_;
   const SceneMirror& scene_;
+  std::span<const TelemetryMirror> mirrors_;
+  TaskView* task_;
   ZmqSender<RunRequest> out_;
   Header header_;
   PageRecorder recorder_;
   RunState state_;  // the host's newest, or of this viewer alone
   TimePoint heard_at_{};
   TimePoint began_at_;
-  std::deque<std::string> markers_;  // set by pages, not handed over yet
-  MarkerLog own_;                    // without a host
+  std::deque<Marker> markers_;  // set by pages, not handed over yet
+  MarkerLog own_;               // without a host
   std::uint64_t newest_marker_ns_ = 0;
 };
 

@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <list>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -101,6 +102,18 @@ std::string verdict_of(const Run& run) {
   return html + "</table>\n";
 }
 
+std::string html_of(const ReportSection& section) {
+  std::string html = "<div>\n";
+  for (const std::string& sentence : section.sentences) {
+    html += "<p>" + escaped(sentence) + "</p>\n";
+  }
+  html += "<table>\n";
+  for (const auto& [label, value] : section.figures) {
+    html += fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", escaped(label), escaped(value));
+  }
+  return html + "</table></div>\n";
+}
+
 std::string events_of(const Run& run) {
   if (run.report.events.empty()) return "<p>None.</p>\n";
   std::string html = "<div class=\"scroll\"><table>\n";
@@ -133,7 +146,8 @@ std::string data_of(const std::list<Run>& runs) {
 }  // namespace
 
 std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recordings,
-                        const std::function<void(double)>& on_progress) {
+                        const std::function<void(double)>& on_progress,
+                        const std::vector<ReportSection>& sections) {
   std::list<Run> runs;
   for (const auto& recording : recordings) {
     Run& run = runs.emplace_back(*recording);
@@ -170,6 +184,13 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
   row(table);
   html += "<h2>Verdict</h2>\n";
   row(verdict_of);
+  const auto titled = std::find_if(sections.begin(), sections.end(),
+                                   [](const auto& one) { return !one.title.empty(); });
+  if (titled != sections.end()) {
+    html += "<h2>" + escaped(titled->title) + "</h2>\n<div class=\"row\">\n";
+    for (const ReportSection& section : sections) html += html_of(section);
+    html += "</div>\n";
+  }
   html += "<h2>Events</h2>\n";
   row(events_of);
   if (kScript.empty()) {

@@ -25,10 +25,14 @@ void put(const Marker& m, v1::Marker& to) {
   to.set_at_ns(m.at_ns);
   to.set_text(m.text);
   to.set_origin(m.origin);
+  to.set_kind(static_cast<v1::Marker::Kind>(m.kind));
+  to.set_device_session_id(m.device_session_id);
+  to.set_device_sequence(m.device_sequence);
 }
 void check(const v1::Marker& m, Verdict& verdict) {
   expect_line(m.text(), Marker::kMostTextBytes, verdict);
   expect_line(m.origin(), Marker::kMostOriginBytes, verdict);
+  verdict.expect(v1::Marker::Kind_IsValid(m.kind()));
 }
 void put(const ReplayState& replay, v1::ReplayState& to) {
   to.set_file(replay.file);
@@ -44,6 +48,9 @@ void read(const v1::Marker& m, Marker& to) {
   to.at_ns = m.at_ns();
   to.text = m.text();
   to.origin = m.origin();
+  to.kind = static_cast<Marker::Kind>(m.kind());
+  to.device_session_id = m.device_session_id();
+  to.device_sequence = m.device_sequence();
 }
 void read(const v1::ReplayState& replay, ReplayState& to) {
   to.file = replay.file();
@@ -71,6 +78,21 @@ void read(bool has, const T& value, std::optional<T>& to) {
 void wire::put(const RunState& run, v1::Health& to) {
   for (const Marker& marker : run.markers) palpate::put(marker, *to.add_markers());
   if (run.replay) palpate::put(*run.replay, *to.mutable_replay());
+}
+
+void wire::put(const TaskState& task, v1::TaskState& to) {
+  to.set_phase(static_cast<v1::TaskState::Phase>(task.phase));
+  to.set_briefing(task.briefing);
+  to.set_is_search(task.is_search);
+  to.set_elapsed_s(task.elapsed_s);
+  to.set_time_s(task.time_s);
+  to.set_marks(task.marks);
+  for (const std::string& finding : task.findings) to.add_findings(finding);
+  for (const auto& [label, value] : task.figures) {
+    v1::TaskState::Figure& figure = *to.add_figures();
+    figure.set_label(label);
+    figure.set_value(value);
+  }
 }
 
 std::string encode_marker(const Marker& marker) {
@@ -197,9 +219,11 @@ struct WireFormat<RunRequest> {
     if (m.is_paused) wire.set_is_paused(*m.is_paused);
     if (m.speed_ratio) wire.set_speed_ratio(*m.speed_ratio);
     if (m.is_recording) wire.set_is_recording(*m.is_recording);
+    wire.set_marker_kind(static_cast<v1::Marker::Kind>(m.marker_kind));
   }
 
   static void check(const v1::RunRequest& wire, Verdict& verdict) {
+    verdict.expect(v1::Marker::Kind_IsValid(wire.marker_kind()));
     if (wire.has_marker()) expect_line(wire.marker(), Marker::kMostTextBytes, verdict);
     if (wire.has_seek_s()) verdict.number(wire.seek_s(), 0.0, RunRequest::kLongest_s);
     if (wire.has_speed_ratio()) {
@@ -213,6 +237,7 @@ struct WireFormat<RunRequest> {
     palpate::read(wire.has_is_paused(), wire.is_paused(), m.is_paused);
     palpate::read(wire.has_speed_ratio(), wire.speed_ratio(), m.speed_ratio);
     palpate::read(wire.has_is_recording(), wire.is_recording(), m.is_recording);
+    m.marker_kind = static_cast<Marker::Kind>(wire.marker_kind());
   }
 };
 template class Codec<RunRequest>;

@@ -133,6 +133,8 @@ void read_acted(const v1::DeviceTelemetry& batch, std::vector<DeviceTick>& recor
 
 void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& wire) {
   const bool has_orientations = std::any_of(records.begin(), records.end(), is_turned);
+  const bool has_buttons = std::any_of(records.begin(), records.end(),
+                                       [](const DeviceTick& r) { return r.buttons != 0; });
   for (const DeviceTick& r : records) {
     wire.add_sequence(r.sequence);
     wire.add_sampled_at_ns(ns(r.sampled_at));
@@ -153,6 +155,7 @@ void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& w
     if (has_orientations) {
       append(r.measured_tool_orientation_world, *wire.mutable_measured_tool_orientation_world());
     }
+    if (has_buttons) wire.add_buttons(r.buttons);
     fill_acted(r, *wire.mutable_acted());
   }
 }
@@ -176,6 +179,7 @@ void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
   check_finite_or_nan(wire.minimum_true_energy_joule(), rows, 1, verdict);
   const Doubles& orientations = wire.measured_tool_orientation_world();
   check_finite(orientations, orientations.empty() ? 0 : rows, 4, verdict);
+  if (!wire.buttons().empty()) check_length(wire.buttons(), rows, 1, verdict);
   if (wire.has_acted()) check_acted(wire.acted(), rows, verdict);
 }
 void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
@@ -195,6 +199,7 @@ void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.is_peak_limited = (wire.flags(i) & kPeakLimited) != 0;
   r.is_clutched = (wire.flags(i) & kClutched) != 0;
   r.is_monitor_reduced = (wire.flags(i) & kMonitorReduced) != 0;
+  r.buttons = wire.buttons().empty() ? 0 : wire.buttons(i);
   r.true_tool_position_world_m = vector(wire.true_tool_position_world_m(), i);
   r.true_tool_velocity_world_m_per_s = vector(wire.true_tool_velocity_world_m_per_s(), i);
   r.true_energy_joule = wire.true_energy_joule(i);

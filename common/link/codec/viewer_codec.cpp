@@ -180,6 +180,7 @@ std::string encode_health(const ViewerHealth& health) {
   recorder.set_length_s(health.recorder.length_s);
   recorder.set_problem(health.recorder.problem);
   palpate::wire::put(health.run, wire);
+  if (health.task) palpate::wire::put(*health.task, *wire.mutable_task());
   return wire.SerializeAsString();
 }
 

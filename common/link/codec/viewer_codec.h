@@ -56,6 +56,7 @@ struct ViewerHealth {
   };
   Recorder recorder{};
   RunState run{};
+  std::optional<TaskState> task{};
 };
 [[nodiscard]] std::string encode_health(const ViewerHealth& health);
 

@@ -39,6 +39,19 @@ std::string to_name(const Fields& fields, std::size_t max_bytes) {
   return "";
 }
 
+/// @param fields  of the session   @param session  with its scene and its physics
+TaskConfig to_shared_task(const Fields& fields, const Session& session) {
+  const Fields task = fields.message("task");
+  if (!fields.messages("side").empty()) {
+    fields.problem("task", "is for one device; leave it out of a session with sides");
+  }
+  if (!session.physics_command.empty() && task.given_member("kind") == "palpation") {
+    task.problem("palpation",
+                 "needs physics_node, whose lesions are known; leave it out with physics.command");
+  }
+  return to_task(task, session.scene);
+}
+
 /// What all sides share.
 Session to_shared(const SessionText& text, const std::filesystem::path& base_dir,
                   Problems& problems) {
@@ -64,6 +77,7 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
     fields.message("physics").problem("standby", "needs physics_node; leave it out with command");
   }
   session.scene = to_scene(fields.message("scene"), base_dir);
+  if (fields.has("task")) session.task = to_shared_task(fields, session);
   session.sides.clear();
   return session;
 }

@@ -108,5 +108,10 @@ void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_f
 [[nodiscard]] std::vector<std::string> to_physics_command(const Fields& physics,
                                                           const std::filesystem::path& base_dir);
 [[nodiscard]] SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir);
+/// A part of space, or of a mesh.
+[[nodiscard]] RegionGeometry to_region(const Fields& place);
+
+/// @param scene  as to_scene() gives it
+[[nodiscard]] TaskConfig to_task(const Fields& task, const SceneConfig& scene);
 
 }  // namespace palpate

@@ -68,32 +68,6 @@ Geometry to_geometry(const Fields& tissue, const std::filesystem::path& base_dir
                            .normal = fields.direction("normal")};
 }
 
-RegionGeometry to_region(const Fields& place) {
-  const std::string kind = place.given_member("place");
-  const bool is_near = kind == "near";
-  if (kind == "tag" || is_near) {
-    const Fields fields = is_near ? place.message("near") : place;
-    const std::string name = fields.text("tag");
-    if (name.empty()) fields.problem("tag", "must name a region of the mesh");
-    return MeshTag{.name = name, .within_m = is_near ? fields.number("within_m") : 0.0};
-  }
-  const Fields fields = place.message(kind.empty() ? "half_space" : kind.c_str());
-  if (kind == "sphere") {
-    return SphereGeometry{.center_m = fields.vector("center_m"),
-                          .radius_m = fields.number("radius_m")};
-  }
-  if (kind == "box") {
-    return BoxGeometry{.center_m = fields.vector("center_m"), .size_m = fields.vector("size_m")};
-  }
-  if (kind.empty()) {
-    place.problem(
-        "a place is required; give half_space { … }, sphere { … }, box { … }, tag: \"…\" "
-        "or near { tag: \"…\" within_m: … }");
-  }
-  return HalfSpaceGeometry{.point_m = fields.vector("point_m"),
-                           .normal = fields.direction("normal")};
-}
-
 /// The modulus of a body or a part, given or that of its `material`.
 double to_young_pa(const Fields& fields) {
   const std::string name = fields.text("material");
@@ -288,6 +262,32 @@ TissueMotionConfig to_motion(const Fields& tissue) {
 }
 
 }  // namespace
+
+RegionGeometry to_region(const Fields& place) {
+  const std::string kind = place.given_member("place");
+  const bool is_near = kind == "near";
+  if (kind == "tag" || is_near) {
+    const Fields fields = is_near ? place.message("near") : place;
+    const std::string name = fields.text("tag");
+    if (name.empty()) fields.problem("tag", "must name a region of the mesh");
+    return MeshTag{.name = name, .within_m = is_near ? fields.number("within_m") : 0.0};
+  }
+  const Fields fields = place.message(kind.empty() ? "half_space" : kind.c_str());
+  if (kind == "sphere") {
+    return SphereGeometry{.center_m = fields.vector("center_m"),
+                          .radius_m = fields.number("radius_m")};
+  }
+  if (kind == "box") {
+    return BoxGeometry{.center_m = fields.vector("center_m"), .size_m = fields.vector("size_m")};
+  }
+  if (kind.empty()) {
+    place.problem(
+        "a place is required; give half_space { … }, sphere { … }, box { … }, tag: \"…\" "
+        "or near { tag: \"…\" within_m: … }");
+  }
+  return HalfSpaceGeometry{.point_m = fields.vector("point_m"),
+                           .normal = fields.direction("normal")};
+}
 
 PhysicsConfig to_physics(const Fields& physics) {
   PhysicsConfig config;

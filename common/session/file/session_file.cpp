@@ -91,6 +91,34 @@ Session parse_session(std::string_view text, const std::string& file_name,
   return session;
 }
 
+std::string without_targets(std::string_view text) {
+  v1::Session message;
+  const google::protobuf::LogSilencer silence;
+  if (!google::protobuf::TextFormat::ParseFromString(std::string(text), &message)) return "";
+  v1::Task::Palpation& task = *message.mutable_task()->mutable_palpation();
+  std::vector<int> lesions;
+  for (const auto& target : task.target()) lesions.push_back(static_cast<int>(target.lesion()));
+  std::sort(lesions.rbegin(), lesions.rend());
+  const auto take_out = [&](auto& list) {
+    for (const int lesion : lesions) {
+      if (lesion < list.size()) list.DeleteSubrange(lesion, 1);
+    }
+  };
+  for (auto& tissue : *message.mutable_scene()->mutable_tissue()) {
+    if (tissue.name() != task.tissue()) continue;
+    if (tissue.has_elastic()) take_out(*tissue.mutable_elastic()->mutable_part());
+    if (tissue.has_kelvin_voigt()) take_out(*tissue.mutable_kelvin_voigt()->mutable_inclusion());
+  }
+  task.clear_target();
+  if (message.has_hand()) {
+    message.mutable_hand()->clear_recorded();
+    message.mutable_hand()->clear_press();
+  }
+  std::string cleared;
+  google::protobuf::TextFormat::PrintToString(message, &cleared);
+  return cleared;
+}
+
 std::vector<std::string> files_of(const Session& session) {
   std::vector<std::string> files{session.file};
   v1::Session message;

@@ -28,6 +28,7 @@
 #include "common/process/run_node.h"
 #include "common/process/terminal.h"
 #include "common/session/session_file.h"
+#include "common/task/evaluator.h"
 #include "common/telemetry/csv_writer.h"
 #include "deploy/launch/launch.h"
 #include "deploy/launch/trust.h"
@@ -133,6 +134,10 @@ class RunObserver {
     }
     if (!may_observe) return;
     feed_.emplace(session, clock_, links_);
+    if (session.task) {
+      task_.emplace(*session.task, session.scene.tip_radius_m);
+      feed_->subscriber().subscribe<SceneState>();
+    }
     if (!output.record_file.empty()) {
       recording_.emplace(output.record(), session, "palpate launch", feed_->subscriber());
       recording_->take(TelemetryMessage(run_), {});  // no marker yet
@@ -140,6 +145,9 @@ class RunObserver {
     feed_->on_message = [this](const TelemetryMessage& message,
                                std::span<const std::byte> payload) {
       if (const auto* physics = std::get_if<PhysicsBatch>(&message)) warn_of_start(*physics);
+      if (const auto* scene = std::get_if<SceneState>(&message); scene != nullptr && task_) {
+        task_->take(*scene);
+      }
       std::visit([this](const auto& batch) { add(batch); }, message);
       if (recording_) recording_->take(message, payload);
     };
@@ -148,6 +156,7 @@ class RunObserver {
       mirrors_[i].on_row = [this, i](const TickRow& row) {
         figures_[i].add(row);
         if (!csvs_.empty()) csvs_[i]->write(row);
+        if (task_) task_->take(row);
       };
     }
   }
@@ -170,6 +179,7 @@ class RunObserver {
   /// Call it after the run: completes the rows and closes the recording.
   void finish() {
     for (viewer::TelemetryMirror& mirror : mirrors_) mirror.flush_rows();
+    if (task_) task_->finish();
     if (recording_) recording_->close();
     check_recording();
   }
@@ -182,6 +192,9 @@ class RunObserver {
     }
     if (has_lost_recording_) throw std::runtime_error("the recording is incomplete");
   }
+
+  /// Of the session's task, after finish(); null: it has none, or is not observed.
+  [[nodiscard]] const TaskScore* task() const { return task_ ? &task_->score() : nullptr; }
 
   /// Empty: this run is not observed.
   [[nodiscard]] const std::vector<ObservedDevice>& devices() const { return devices_; }
@@ -203,21 +216,48 @@ class RunObserver {
     const std::string warning = start_warning(first);
     if (!warning.empty()) say(warning);
   }
+  [[nodiscard]] std::string keys_text() const {
+    if (!session_.task) return "press m to set a marker in the run";
+    return std::string(session_.task->is_started_by_person ? "press t to start the task, again to "
+                                                             "stop it"
+                                                           : "press t to stop the task") +
+           (session_.task->palpation() != nullptr ? "; press m to mark a find"
+                                                  : "; press m to set a marker");
+  }
+  /// By a person, or by itself.
+  [[nodiscard]] bool has_started_task() const {
+    return !session_.task->is_started_by_person ||
+           std::any_of(run_.markers.begin(), run_.markers.end(), [](const Marker& marker) {
+             return marker.kind == Marker::Kind::kTaskStart;
+           });
+  }
+  void set_marker(Marker marker) {
+    marker.at_ns = wall_clock_ns();
+    viewer::note_newest_tick(mirrors_, marker);
+    markers_.add(std::move(marker));
+  }
   void pump_markers() {
     if (!host_) {
       host_.emplace(links_.side, clock_, session_);
       keys_.emplace();
-      if (keys_->is_on() && !is_quiet_) say("press m to set a marker in the run");
+      if (keys_->is_on() && !is_quiet_) say(keys_text());
     }
     bool is_new = false;
     while (const char key = keys_->take()) {
-      if (key != 'm') continue;
-      markers_.add(wall_clock_ns(), "", "terminal");
+      if (key == 't' && session_.task) {
+        set_marker(
+            {.origin = "terminal",
+             .kind = has_started_task() ? Marker::Kind::kTaskStop : Marker::Kind::kTaskStart});
+      } else if (key == 'm') {
+        set_marker({.origin = "terminal"});
+      } else {
+        continue;
+      }
       is_new = true;
     }
     while (const auto request = host_->take()) {
       if (!request->marker) continue;
-      markers_.add(wall_clock_ns(), *request->marker, "page");
+      set_marker({.text = *request->marker, .origin = "page", .kind = request->marker_kind});
       is_new = true;
     }
     if (is_new) {
@@ -225,6 +265,7 @@ class RunObserver {
       const Marker& marker = run_.markers.back();
       if (!is_quiet_) say("marker set: " + marker.text);
       if (recording_) recording_->take(TelemetryMessage(run_), {});
+      if (task_) task_->take(run_.markers);
     }
     host_->publish(run_, is_new);
   }
@@ -251,6 +292,7 @@ class RunObserver {
   std::vector<ObservedDevice> devices_;
   std::vector<std::unique_ptr<CsvWriter>> csvs_;
   std::optional<viewer::Recording> recording_;
+  std::optional<TaskEvaluator> task_;
   std::set<std::string> started_;  // sides whose physics was heard
   bool has_lost_recording_ = false;
   HeapTrim heap_;
@@ -359,12 +401,14 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   const std::vector<std::string> flights = flight_files_since(loaded.name, began_at);
   if (!verbosity.is_quiet) {
     std::fputs(launch_text(loaded, observer.devices(), result).c_str(), stdout);
+    if (observer.task() != nullptr) std::fputs(score_text(*observer.task()).c_str(), stdout);
     for (const std::string& file : flights) {
       std::printf("flight recording: %s\n", file.c_str());
     }
   }
   auto all = launch_json(loaded, observer.devices(), result);
   all["flight_recordings"] = flights;
+  if (observer.task() != nullptr) all["task"] = score_json(*observer.task());
   json.write(all);
   observer.close_files();
   output.say_written(tables_of(loaded, output), verbosity);

@@ -16,6 +16,7 @@
 #include "deploy/palpate/options.h"
 #include "device_node/post_mortem.h"
 #include "viewer_node/recording/recording_file.h"
+#include "viewer_node/task/recorded_score.h"
 
 namespace palpate {
 namespace {
@@ -60,7 +61,10 @@ struct ReportCommand {
     }
     if (!output.empty()) {
       Progress progress("report", verbosity.is_quiet);
-      const std::string html = report_html(recordings, [&](double ratio) { progress.show(ratio); });
+      std::vector<ReportSection> sections;
+      for (const auto& recording : recordings) sections.push_back(task_section(*recording));
+      const std::string html = report_html(
+          recordings, [&](double ratio) { progress.show(ratio); }, sections);
       write_file("report", output, html, may_overwrite);
       say_written({output}, verbosity);
     }
@@ -71,6 +75,11 @@ struct ReportCommand {
   }
 
  private:
+  static ReportSection task_section(RecordingFile& recording) {
+    if (!has_task(recording)) return {};
+    const TaskScore score = score_of(recording);
+    return {.title = "Task", .sentences = findings_of(score), .figures = figures_of(score)};
+  }
   /// @return  1: the fault or what the monitor decided is not reproduced
   [[nodiscard]] int report_fault(const Verbosity& verbosity) const {
     const device::FaultFile file = device::read_fault_file(files.front());

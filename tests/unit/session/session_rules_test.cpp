@@ -77,6 +77,9 @@ std::vector<std::string> assigned(const std::string& assignment) {
     return {link + "={ outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }",
             assignment};
   }
+  if (assignment.starts_with("task.palpation.target")) {
+    return {"task.palpation.target={}", assignment};
+  }
   return {assignment};
 }
 

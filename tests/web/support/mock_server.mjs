@@ -122,6 +122,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     recorder: { isPossible: true, isRecording: false, file: "", lengthS: 0, problem: "" },
     markers: [],
     replay: undefined, // as in palpate.v1.Health
+    task: undefined, // likewise; a page that starts, marks and stops changes it
     stiffness: [...kStiffness], damping: [1, 60], // of the tissues
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
@@ -282,6 +283,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       nodes: Object.keys(heard_ms).map((name) => ({ name, isHeard: silence_s(name) < 1, silenceS: silence_s(name), sessions: 1n })),
       clients: sockets.clients.size, handHolder: BigInt(world.holder), version: "mock",
       recorder: world.recorder, markers: world.markers, ...(world.replay ? { replay: world.replay } : {}),
+      ...(world.task ? { task: world.task } : {}),
     });
   }
 
@@ -327,8 +329,24 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     send_all("/scene_state", scene_state());
   }
 
-  function take_request({ marker, seekS, isPaused, speedRatio, isRecording }) {
+  /** As the evaluator does; the score is made up. */
+  function change_task(kind) {
+    const { task } = world;
+    if (kind === 1 && task.phase === 0) Object.assign(task, { phase: 1, marks: 0 });
+    else if (kind === 0 && task.phase === 1) task.marks += 1;
+    else if (kind === 2 && task.phase === 1) {
+      Object.assign(task, {
+        phase: 2,
+        findings: ["Found 1 of 2.", "lump: found after 12.0 s, marked 3 mm from its centre.", "cyst: missed. You pressed too lightly: at most 0.8 N over it, and it can be felt from 2.0 N on."],
+        figures: [{ label: "time", value: "30.0 s, stopped (limit 60 s)" }, { label: "coverage", value: "81.0 % of 25.0 cm² with 0.50 N or more" }],
+      });
+    }
+    send_all("/health", health());
+  }
+
+  function take_request({ marker, markerKind, seekS, isPaused, speedRatio, isRecording }) {
     world.requests.push({ marker, seekS, isPaused, speedRatio, isRecording });
+    if (marker !== undefined && world.task) change_task(markerKind);
     if (isRecording !== undefined) world.recorder = { ...world.recorder, isRecording, file: "mock.mcap", lengthS: 0 };
     if (marker !== undefined) {
       const text = marker || "marker 1";

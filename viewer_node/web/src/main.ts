@@ -18,6 +18,7 @@ import { SceneView } from "./scene_view";
 import { forces_of, kNoForce, state_words, verdict_of } from "./state";
 import { scene_signature, Surface, type ColourMode } from "./surface";
 import { kNodes, norm, Telemetry, type NodeName } from "./telemetry";
+import { TaskPanel } from "./task";
 import { TimelineCard } from "./timeline";
 import type { DeviceTelemetry, Health, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
 
@@ -52,6 +53,8 @@ const control = new TissueControl(by_id("plots"),
 const acknowledge = new AcknowledgeControl(by_id("acknowledge"),
   (seen) => client.publish("/acknowledgement", "palpate.v1.Acknowledgement", { ...seen }));
 const run = new RunControl(by_id("tools"), by_id("replay"),
+  (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
+const task = new TaskPanel(by_id("task"),
   (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
 const counters = new Counters(by_id("plots"));
 const chips = new NodeChips(by_id("nodes"));
@@ -96,6 +99,7 @@ const handlers: Record<string, Handler> = {
   },
   "/health": (message: Health) => {
     sides.forEach((one, side) => one.take_health(message, seconds(), side));
+    task.take(message);
     const marker = run.take(message);
     if (marker) status = { text: `Marked: ${marker}`, until_s: seconds() + kMarkerShown_s };
   },
@@ -146,7 +150,7 @@ const client = new FoxgloveClient(
       hand.can_publish = accepted.includes("/hand_target");
       control.can_publish = accepted.includes("/tissue_change");
       acknowledge.can_publish = accepted.includes("/acknowledgement");
-      run.can_publish = accepted.includes("/run_request");
+      run.can_publish = task.can_publish = accepted.includes("/run_request");
       hand.client_id = BigInt(metadata.client_id ?? 0);
     },
     status({ level, id, message }) {
@@ -330,7 +334,7 @@ document.addEventListener("keydown", (event) => {
   if (event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement) return;
   if (run.key(event.key)) return;
   if (event.key === "p") pause(!is_paused);
-  else if (event.key === "m") run.mark();
+  else if (event.key === "m" && !task.mark()) run.mark();
   else if (event.key === "t" && hand.status.is_allowed) touch(!hand.is_touching);
 });
 

@@ -98,7 +98,7 @@ export class RunControl {
     this.health = health;
     const { recorder, replay } = health;
     this.record.hidden = !this.can_publish || !recorder?.isPossible || replay !== undefined;
-    this.marker.hidden = !this.can_publish || replay !== undefined;
+    this.marker.hidden = !this.can_publish || replay !== undefined || health.task?.isSearch === true; // a find has its own button
     const is_recording = recorder?.isRecording ?? false;
     this.record.setAttribute("aria-pressed", String(is_recording));
     write(this.record, is_recording ? `Stop ${clock_words(recorder!.lengthS)}` : "Record");

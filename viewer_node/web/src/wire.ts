@@ -210,7 +210,20 @@ export interface Health {
   };
   markers: { atNs: bigint; text: string; origin: string }[];
   replay?: ReplayState; // absent: a live session
+  task?: TaskState; // absent: the session has no task
 }
+export interface TaskState {
+  phase: TaskPhase;
+  briefing: string;
+  isSearch: boolean;
+  elapsedS: number;
+  timeS: number; // 0: no limit
+  marks: number;
+  findings: string[];
+  figures: { label: string; value: string }[];
+}
+export enum TaskPhase { waiting, running, ended }
+export enum MarkerKind { note, task_start, task_stop }
 export interface ReplayState {
   file: string;
   positionS: number;
@@ -226,6 +239,7 @@ export interface RunRequest {
   isPaused?: boolean;
   speedRatio?: number;
   isRecording?: boolean;
+  markerKind?: MarkerKind;
 }
 /** From the page: what it shows of a device that waits for an acknowledgement. */
 export interface Acknowledgement {

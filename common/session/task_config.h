@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// task_config.h — what a person is to do in a session, and what is scored.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/core/vector.h"
+#include "common/session/scene_config.h"
+
+namespace palpate {
+
+/// A lesion that is to be found: a ball in the tissue. In W.
+struct TaskTarget {
+  std::string name;
+  std::uint32_t lesion = 0;  ///< index of the part or inclusion
+  Vector3 center_m = Vector3::Zero();
+  double radius_m = 0.0;
+  /// Force from which on it can be felt; NaN: not known.
+  double palpable_newton = std::numeric_limits<double>::quiet_NaN();
+  /// By which the force over it exceeds that beside it, at the largest force; NaN: not known.
+  double contrast_ratio = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Look for lesions by pressing.
+struct PalpationTask {
+  std::uint32_t tissue = 0;              ///< index in the scene
+  std::optional<RegionGeometry> area{};  ///< never a MeshTag; none: the whole surface
+  std::vector<TaskTarget> targets{};
+  double least_force_newton = 0.5;   ///< from which on a press searches its place
+  double coverage_radius_m = 0.005;  ///< around the tip's place on the surface
+  double mark_tolerance_m = 0.01;    ///< of a mark, from the edge of the lesion
+};
+
+/// Nothing is looked for.
+struct FreeTask {};
+
+struct TaskConfig {
+  std::string briefing{};
+  bool is_started_by_person = false;  ///< else with the first tick
+  std::optional<double> time_s{};     ///< none: no limit
+  std::optional<double> most_force_newton{};
+  std::optional<std::uint32_t> mark_button{};
+  std::variant<FreeTask, PalpationTask> kind{};
+
+  [[nodiscard]] const PalpationTask* palpation() const { return std::get_if<PalpationTask>(&kind); }
+  /// Whether it must not be told where things are before it has ended.
+  [[nodiscard]] bool hides_lesions() const { return palpation() != nullptr; }
+};
+
+}  // namespace palpate

@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/task/evaluator.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+constexpr double kLag_s = 1.0;           // of a tick, for marks that arrive late
+constexpr double kSurfaceWait_s = 10.0;  // then it is scored without a surface
+constexpr double kTouch_newton = 0.05;   // a smaller force is no touch: the floor of the force JND
+constexpr double kMarkMemory_s = 3.0;  // a mark is where the tip has touched last, within this time
+constexpr double kFar_m = 0.1;         // of a tip from the surface at rest
+constexpr double kSameFoot_m = 1e-4;   // a smaller motion has the same place on the surface
+
+constexpr double kForceBin_newton = 0.005;
+constexpr std::size_t kForceBins = 10'000;
+constexpr double kDepthBin_m = 2e-5;
+constexpr std::size_t kDepthBins = 5'000;
+
+ForceFigures figures_of(const Histogram& forces, double touch_s) {
+  return {.median_newton = forces.quantile(0.5),
+          .p95_newton = forces.quantile(0.95),
+          .most_newton = forces.max(),
+          .touch_s = touch_s};
+}
+
+}  // namespace
+
+TaskEvaluator::TaskEvaluator(const TaskConfig& task, double tip_radius_m, Options options)
+    : task_(task),
+      tip_radius_m_(tip_radius_m),
+      options_(options),
+      forces_(kForceBin_newton, kForceBins),
+      depths_(kDepthBin_m, kDepthBins) {
+  score_.is_search = palpation() != nullptr;
+  score_.limit_s = task_.time_s.value_or(kNotKnown);
+  score_.most_force_newton = task_.most_force_newton.value_or(kNotKnown);
+  if (task_.most_force_newton) {
+    score_.overshoot_newton = score_.beyond_s = score_.damage_newton_s = 0.0;
+  }
+  if (palpation() == nullptr) return;
+  score_.least_force_newton = palpation()->least_force_newton;
+  for (const TaskTarget& target : palpation()->targets) {
+    score_.targets.push_back({.name = target.name,
+                              .palpable_newton = target.palpable_newton,
+                              .contrast_ratio = target.contrast_ratio});
+    regions_.push_back({.within_m = std::max(target.radius_m, palpation()->coverage_radius_m),
+                        .forces = {kForceBin_newton, kForceBins}});
+  }
+  regions_.push_back({.forces = {kForceBin_newton, kForceBins}});
+}
+
+void TaskEvaluator::take(const SceneState& scene) {
+  if (surface_ || palpation() == nullptr || palpation()->tissue >= scene.tissues.size()) return;
+  auto surface = std::make_unique<SearchedSurface>(
+      scene.tissues[palpation()->tissue].mesh, palpation()->area, palpation()->coverage_radius_m);
+  if (surface->empty()) return;
+  surface_ = std::move(surface);
+  score_.area_m2 = surface_->area_m2();
+  for (std::size_t i = 0; i < palpation()->targets.size(); ++i) {
+    const TaskTarget& target = palpation()->targets[i];
+    const auto foot = surface_->foot_of(target.center_m, kFar_m);
+    if (foot) regions_[i].above_m = foot->point_m;
+  }
+}
+
+void TaskEvaluator::take(const std::vector<Marker>& markers) {
+  for (const Marker& marker : markers) {
+    if (marker.at_ns <= newest_marker_ns_) continue;
+    newest_marker_ns_ = marker.at_ns;
+    markers_.push_back(marker);
+    if (marker.kind == Marker::Kind::kNote) ++notes_waiting_;
+  }
+  process_due(false);
+}
+
+void TaskEvaluator::take(const TickRow& row) {
+  if (has_ended()) return;
+  const DeviceTick& tick = row.device;
+  const bool is_same = row.device_session_id == newest_session_;
+  if (is_same && tick.sequence <= newest_sequence_) return;
+  newest_session_ = row.device_session_id;
+  newest_sequence_ = tick.sequence;
+  pending_.push_back({.session_id = row.device_session_id,
+                      .sequence = tick.sequence,
+                      .t_s = to_seconds(tick.sampled_at.time_since_epoch()),
+                      .tip_m = tick.measured_tool_position_world_m,
+                      .newton = tick.force_on_hand_newton.norm(),
+                      .buttons = tick.buttons});
+  process_due(false);
+}
+
+void TaskEvaluator::finish() {
+  process_due(true);
+  if (phase_ == TaskState::Phase::kRunning) end(TaskScore::End::kRunEnded);
+  phase_ = TaskState::Phase::kEnded;
+}
+
+void TaskEvaluator::process_due(bool is_last) {
+  // a stop needs no patience: every mark before it has arrived with it
+  const bool has_stop = std::any_of(markers_.begin(), markers_.end(), [](const Marker& one) {
+    return one.kind == Marker::Kind::kTaskStop;
+  });
+  while (!pending_.empty() && !has_ended()) {
+    const double waited_s = pending_.back().t_s - pending_.front().t_s;
+    const bool has_surface = palpation() == nullptr || surface_ || waited_s > kSurfaceWait_s;
+    const bool is_due = is_last || (has_surface && (has_stop || std::abs(waited_s) > kLag_s));
+    if (!is_due) return;
+    process(pending_.front());
+    if (!pending_.empty()) pending_.pop_front();
+  }
+}
+
+void TaskEvaluator::process(const Sample& sample) {
+  if (last_ && last_->session_id != sample.session_id) {
+    past_.insert(last_->session_id);
+    if (phase_ == TaskState::Phase::kRunning) ++score_.device_restarts;
+  }
+  const bool begins_with_run = options_.starts_with_run || !task_.is_started_by_person;
+  if (phase_ == TaskState::Phase::kWaiting && begins_with_run) {
+    begin(sample);
+    score_.missing_ticks = sample.sequence;  // the device counts from 0
+  }
+  apply_markers(sample);
+  if (phase_ != TaskState::Phase::kRunning) {
+    last_ = sample;
+    return;
+  }
+  if (task_.time_s && sample.t_s - begin_s_ >= *task_.time_s) {
+    score_.time_s = *task_.time_s;
+    end(TaskScore::End::kTimeUp);
+    return;
+  }
+  const bool follows = last_ && last_->session_id == sample.session_id && score_.ticks > 0;
+  double elapsed_s = period_s_;
+  if (follows) {
+    const std::uint64_t missing = sample.sequence - last_->sequence - 1;
+    score_.missing_ticks += missing;
+    if (missing == 0) elapsed_s = period_s_ = sample.t_s - last_->t_s;
+  }
+  ++score_.ticks;
+  score_.time_s = sample.t_s - begin_s_;
+  motion_.add(sample.t_s, sample.tip_m);
+  if (sample.newton >= kTouch_newton) press(sample, elapsed_s);
+  judge_force(sample.newton, elapsed_s);
+  if (palpation() != nullptr && task_.mark_button) {
+    const std::uint32_t bit = 1U << *task_.mark_button;
+    const bool was_held = last_ && (last_->buttons & bit) != 0;
+    if ((sample.buttons & bit) != 0 && !was_held) mark(sample.t_s, "button");
+  }
+  last_ = sample;
+}
+
+/// Those that were set before this tick.
+void TaskEvaluator::apply_markers(const Sample& sample) {
+  const auto is_past = [&](const Marker& marker) {
+    if (marker.device_session_id == 0) return true;
+    if (marker.device_session_id == sample.session_id || options_.ignores_sessions) {
+      return marker.device_sequence < sample.sequence;
+    }
+    return past_.contains(marker.device_session_id);
+  };
+  while (!markers_.empty() && is_past(markers_.front())) {
+    const Marker marker = markers_.front();
+    markers_.erase(markers_.begin());
+    switch (marker.kind) {
+      case Marker::Kind::kNote:
+        --notes_waiting_;
+        if (phase_ == TaskState::Phase::kRunning && palpation() != nullptr) {
+          mark(last_ ? last_->t_s : sample.t_s, marker.origin);
+        }
+        break;
+      case Marker::Kind::kTaskStart:
+        if (phase_ == TaskState::Phase::kWaiting) begin(sample);
+        break;
+      case Marker::Kind::kTaskStop:
+        if (phase_ == TaskState::Phase::kRunning) {
+          end(TaskScore::End::kStopped);
+          return;
+        }
+        break;
+    }
+  }
+}
+
+void TaskEvaluator::begin(const Sample& sample) {
+  phase_ = TaskState::Phase::kRunning;
+  score_.end = TaskScore::End::kRunning;
+  begin_s_ = sample.t_s;
+}
+
+void TaskEvaluator::end(TaskScore::End how) {
+  phase_ = TaskState::Phase::kEnded;
+  score_.end = how;
+  complete_score();
+}
+
+const std::optional<SearchedSurface::Foot>& TaskEvaluator::foot_of(const Vector3& tip_m) {
+  if (!((tip_m - foot_tip_m_).norm() < kSameFoot_m)) {
+    foot_tip_m_ = tip_m;
+    foot_ = surface_->foot_of(tip_m, kFar_m);
+  }
+  return foot_;
+}
+
+/// @param elapsed_s  that the tick stands for
+void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
+  forces_.add(sample.newton);
+  touch_s_ += elapsed_s;
+  if (!surface_) return;
+  const auto& foot = foot_of(sample.tip_m);
+  if (!foot) return;
+  touch_ = Touch{sample.t_s, *foot};
+  depths_.add(std::max(0.0, tip_radius_m_ - foot->normal.dot(sample.tip_m - foot->point_m)));
+  const bool is_elsewhere_now = !((foot->point_m - searched_m_).norm() < kSameFoot_m);
+  if (sample.newton >= palpation()->least_force_newton && is_elsewhere_now) {
+    surface_->search(foot->point_m);
+    searched_m_ = foot->point_m;
+  }
+  bool is_over = false;
+  for (Region& region : regions_) {
+    const bool is_elsewhere = &region == &regions_.back();
+    const bool is_here =
+        is_elsewhere
+            ? !is_over
+            : region.above_m && (foot->point_m - *region.above_m).norm() <= region.within_m;
+    if (!is_here) continue;
+    is_over = true;
+    region.forces.add(sample.newton);
+    region.touch_s += elapsed_s;
+  }
+}
+
+void TaskEvaluator::judge_force(double newton, double elapsed_s) {
+  if (!task_.most_force_newton) return;
+  const double beyond_newton = newton - *task_.most_force_newton;
+  if (!(beyond_newton > 0.0)) return;
+  score_.overshoot_newton = std::max(score_.overshoot_newton, beyond_newton);
+  score_.beyond_s += elapsed_s;
+  score_.damage_newton_s += beyond_newton * elapsed_s;
+}
+
+void TaskEvaluator::mark(double t_s, const std::string& origin) {
+  MarkScore mark{.t_s = t_s - begin_s_, .origin = origin};
+  const bool has_place = touch_ && t_s - touch_->t_s <= kMarkMemory_s;
+  std::size_t best = score_.targets.size();
+  double best_m = 0.0;
+  for (std::size_t i = 0; has_place && i < score_.targets.size(); ++i) {
+    if (!regions_[i].above_m) continue;
+    const double distance_m = (touch_->foot.point_m - *regions_[i].above_m).norm();
+    if (distance_m > palpation()->targets[i].radius_m + palpation()->mark_tolerance_m) continue;
+    if (best < score_.targets.size() && distance_m >= best_m) continue;
+    best = i;
+    best_m = distance_m;
+  }
+  if (best < score_.targets.size()) {
+    TargetScore& target = score_.targets[best];
+    mark.target = target.name;
+    const double most_newton = regions_[best].forces.max();
+    const bool can_be_felt =
+        !std::isfinite(target.palpable_newton) || most_newton >= target.palpable_newton;
+    if (target.outcome == TargetScore::Outcome::kFound) {
+      mark.outcome = MarkScore::Outcome::kRepeated;
+    } else if (can_be_felt) {
+      mark.outcome = MarkScore::Outcome::kFind;
+      target.outcome = TargetScore::Outcome::kFound;
+      target.found_after_s = mark.t_s;
+      target.mark_distance_m = best_m;
+    } else {
+      mark.outcome = MarkScore::Outcome::kGuess;
+      target.outcome = TargetScore::Outcome::kGuessed;
+    }
+  }
+  score_.marks.push_back(std::move(mark));
+}
+
+void TaskEvaluator::complete_score() {
+  motion_.finish();
+  score_.path_m = motion_.path_m();
+  score_.smoothness = motion_.log_dimensionless_jerk();
+  score_.force = figures_of(forces_, touch_s_);
+  if (palpation() == nullptr) return;
+  for (std::size_t i = 0; i < score_.targets.size(); ++i) {
+    score_.targets[i].force = figures_of(regions_[i].forces, regions_[i].touch_s);
+  }
+  score_.elsewhere = figures_of(regions_.back().forces, regions_.back().touch_s);
+  if (!surface_) return;
+  score_.coverage_ratio = surface_->searched_ratio();
+  score_.depth_p95_m = depths_.quantile(0.95);
+  score_.depth_most_m = depths_.max();
+}
+
+TaskState TaskEvaluator::state() const {
+  TaskState state{.phase = phase_,
+                  .briefing = task_.briefing,
+                  .is_search = palpation() != nullptr,
+                  .time_s = task_.time_s.value_or(0.0)};
+  if (score_.end == TaskScore::End::kRunning) {
+    const double newest_s = pending_.empty() ? begin_s_ + score_.time_s : pending_.back().t_s;
+    state.elapsed_s = std::min(newest_s - begin_s_, task_.time_s.value_or(newest_s - begin_s_));
+  } else {
+    state.elapsed_s = score_.time_s;
+  }
+  state.marks = static_cast<std::uint32_t>(score_.marks.size());
+  if (phase_ == TaskState::Phase::kRunning) state.marks += notes_waiting_;
+  if (!has_ended()) return state;
+  state.findings = findings_of(score_);
+  state.figures = figures_of(score_);
+  return state;
+}
+
+}  // namespace palpate

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// evaluator.h — scores a task from the telemetry of the device, the surface of the tissue and the
+// marks of the person: while the session runs, in lockstep and from a recording, with the same
+// result if the same ticks are seen. It observes; nothing of it reaches the hand.
+//
+// A tick is taken into account up to a second later, so that a mark that arrives after its tick is
+// still at its place, and not before the surface has arrived.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/core/scene_messages.h"
+#include "common/session/task_config.h"
+#include "common/task/force_histogram.h"
+#include "common/task/hand_motion.h"
+#include "common/task/score.h"
+#include "common/task/searched_surface.h"
+#include "common/telemetry/run_messages.h"
+#include "common/telemetry/tick_row.h"
+
+namespace palpate {
+
+class TaskEvaluator {
+ public:
+  struct Options {
+    /// Nobody can start it: it begins with the first tick, whatever the session says.
+    bool starts_with_run = false;
+    /// Marks and ticks name different processes, as in a replay: only their numbers count.
+    bool ignores_sessions = false;
+  };
+
+  TaskEvaluator(const TaskConfig& task, double tip_radius_m, Options options);
+  TaskEvaluator(const TaskConfig& task, double tip_radius_m)
+      : TaskEvaluator(task, tip_radius_m, Options()) {}
+
+  /// Options::ignores_sessions from now on.
+  void ignore_sessions() { options_.ignores_sessions = true; }
+
+  /// Rows in order. After the end they change nothing.
+  void take(const TickRow& row);
+  /// The first one with triangles counts. @param scene  not one of which lesions are hidden
+  void take(const SceneState& scene);
+  /// All markers of the run so far, oldest first, as in RunState.
+  void take(const std::vector<Marker>& markers);
+  /// Call it at the end of the run: takes what is left into account.
+  void finish();
+
+  [[nodiscard]] bool has_ended() const { return phase_ == TaskState::Phase::kEnded; }
+  /// Complete after the end.
+  [[nodiscard]] const TaskScore& score() const { return score_; }
+  /// For a page.
+  [[nodiscard]] TaskState state() const;
+
+ private:
+  struct Sample {
+    std::uint64_t session_id = 0;
+    std::uint64_t sequence = 0;
+    double t_s = 0.0;
+    Vector3 tip_m = Vector3::Zero();
+    double newton = 0.0;
+    std::uint32_t buttons = 0;
+  };
+  struct Touch {
+    double t_s = 0.0;
+    SearchedSurface::Foot foot{};
+  };
+  struct Region {
+    std::optional<Vector3> above_m{};  // of a target: the place on the surface above its centre
+    double within_m = 0.0;
+    Histogram forces;
+    double touch_s = 0.0;
+  };
+
+  void process_due(bool is_last);
+  void process(const Sample& sample);
+  void apply_markers(const Sample& sample);
+  void begin(const Sample& sample);
+  void end(TaskScore::End how);
+  void mark(double t_s, const std::string& origin);
+  void press(const Sample& sample, double elapsed_s);
+  [[nodiscard]] const std::optional<SearchedSurface::Foot>& foot_of(const Vector3& tip_m);
+  void judge_force(double newton, double elapsed_s);
+  void complete_score();
+
+  /// Null: nothing is looked for.
+  [[nodiscard]] const PalpationTask* palpation() const { return task_.palpation(); }
+
+  TaskConfig task_;
+  double tip_radius_m_;
+  Options options_;
+  std::unique_ptr<SearchedSurface> surface_;
+  std::vector<Region> regions_;  // of the targets, then elsewhere
+  Histogram forces_;
+  Histogram depths_;
+  HandMotion motion_;
+  double touch_s_ = 0.0;
+
+  std::deque<Sample> pending_;
+  std::uint64_t newest_session_ = 0;  // of what was taken
+  std::uint64_t newest_sequence_ = 0;
+  std::vector<Marker> markers_;  // not applied yet
+  std::uint64_t newest_marker_ns_ = 0;
+  std::uint32_t notes_waiting_ = 0;  // of these
+
+  TaskState::Phase phase_ = TaskState::Phase::kWaiting;
+  TaskScore score_;
+  std::optional<Sample> last_;    // processed
+  std::set<std::uint64_t> past_;  // sessions of the device before that of last_
+  double begin_s_ = 0.0;
+  double period_s_ = 0.0;       // of the newest two ticks that follow each other
+  std::optional<Touch> touch_;  // newest
+  Vector3 foot_tip_m_ = Vector3::Constant(kNotKnown);
+  std::optional<SearchedSurface::Foot> foot_;          // of a tip at foot_tip_m_
+  Vector3 searched_m_ = Vector3::Constant(kNotKnown);  // newest place that was searched
+};
+
+}  // namespace palpate

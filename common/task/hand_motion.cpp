@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/task/hand_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+
+void HandMotion::add(double t_s, const Vector3& position_m) {
+  if (!begin_s_) begin_s_ = t_s;
+  end_s_ = t_s;
+  const auto slot = static_cast<std::int64_t>(std::floor((t_s - *begin_s_) / kSlot_s + 1e-9));
+  if (slot != slot_) end_slot();
+  slot_ = slot;
+  sum_m_ += position_m;
+  ++count_;
+}
+
+void HandMotion::finish() { end_slot(); }
+
+void HandMotion::end_slot() {
+  if (count_ == 0) return;
+  std::move_backward(last_.begin(), last_.end() - 1, last_.end());
+  last_[0] = {slot_, sum_m_ / static_cast<double>(count_)};
+  known_ = std::min(known_ + 1, last_.size());
+  sum_m_.setZero();
+  count_ = 0;
+  if (known_ < 2) return;
+  const double step_m = (last_[0].position_m - last_[1].position_m).norm();
+  path_m_ += step_m;
+  const double step_s = kSlot_s * static_cast<double>(last_[0].slot - last_[1].slot);
+  peak_m_per_s_ = std::max(peak_m_per_s_, step_m / step_s);
+  if (known_ < 4 || last_[0].slot - last_[3].slot != 3) return;
+  const Vector3 third_m = last_[0].position_m - 3.0 * last_[1].position_m +
+                          3.0 * last_[2].position_m - last_[3].position_m;
+  jerk2_s_ += third_m.squaredNorm() / std::pow(kSlot_s, 5);
+  ++jerks_;
+}
+
+double HandMotion::log_dimensionless_jerk() const {
+  if (jerks_ == 0 || !(peak_m_per_s_ > 0.0) || !(jerk2_s_ > 0.0)) {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  const double time_s = end_s_ - *begin_s_;
+  return -std::log(std::pow(time_s, 3) / (peak_m_per_s_ * peak_m_per_s_) * jerk2_s_);
+}
+
+}  // namespace palpate

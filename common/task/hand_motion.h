@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// hand_motion.h — path length and smoothness of a motion, from positions with the steps of an
+// encoder.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "common/core/vector.h"
+
+namespace palpate {
+
+/// Of means over 50 ms, so that the steps of an encoder neither lengthen the path nor make it
+/// rough. A slot without a position is bridged by a straight line and left out of the smoothness.
+class HandMotion {
+ public:
+  static constexpr double kSlot_s = 0.05;
+
+  /// @param t_s  not before that of the last call
+  void add(double t_s, const Vector3& position_m);
+  /// Completes the last slot. Call it once, after the last position.
+  void finish();
+
+  [[nodiscard]] double path_m() const { return path_m_; }
+  /// Log dimensionless jerk, −ln(T³/v_peak² ∫|d³x/dt³|² dt), after [Balasubramanian15], of the
+  /// vector: larger, nearer to 0, is smoother. NaN without a motion or with less than 4 slots.
+  [[nodiscard]] double log_dimensionless_jerk() const;
+
+ private:
+  struct Mean {
+    std::int64_t slot = 0;
+    Vector3 position_m = Vector3::Zero();
+  };
+  void end_slot();
+
+  std::optional<double> begin_s_;
+  double end_s_ = 0.0;
+  std::int64_t slot_ = 0;
+  Vector3 sum_m_ = Vector3::Zero();
+  std::uint64_t count_ = 0;
+  std::array<Mean, 4> last_{};  // newest first
+  std::size_t known_ = 0;       // of last_
+  double path_m_ = 0.0;
+  double peak_m_per_s_ = 0.0;
+  double jerk2_s_ = 0.0;  // ∫|jerk|² dt
+  std::uint64_t jerks_ = 0;
+};
+
+}  // namespace palpate

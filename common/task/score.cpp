@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/task/score.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace palpate {
+namespace {
+
+nlohmann::ordered_json or_null(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json force_json(const ForceFigures& force) {
+  return {{"median_n", or_null(force.median_newton)},
+          {"p95_n", or_null(force.p95_newton)},
+          {"most_n", or_null(force.most_newton)},
+          {"touch_s", force.touch_s}};
+}
+
+std::string finding_of(const TargetScore& target) {
+  const double most = target.force.most_newton;
+  const bool is_known = std::isfinite(target.palpable_newton);
+  switch (target.outcome) {
+    case TargetScore::Outcome::kFound:
+      return fmt::format("{}: found after {:.1f} s, marked {:.0f} mm from its centre.", target.name,
+                         target.found_after_s, 1e3 * target.mark_distance_m);
+    case TargetScore::Outcome::kGuessed:
+      return fmt::format(
+          "{}: marked, but guessed: you pressed over it with at most {:.1f} N, and it can be felt "
+          "from {:.1f} N on.",
+          target.name, std::isfinite(most) ? most : 0.0, target.palpable_newton);
+    case TargetScore::Outcome::kMissed:
+      break;
+  }
+  if (!std::isfinite(most)) {
+    return fmt::format("{}: missed. You never touched the place above it.", target.name);
+  }
+  if (is_known && most < target.palpable_newton) {
+    return fmt::format(
+        "{}: missed. You pressed too lightly: at most {:.1f} N over it, and it can be felt from "
+        "{:.1f} N on.",
+        target.name, most, target.palpable_newton);
+  }
+  return fmt::format("{}: missed. You pressed over it with up to {:.1f} N{}, and did not mark it.",
+                     target.name, most, is_known ? ", which is enough to feel it" : "");
+}
+
+std::string force_value(const ForceFigures& force) {
+  if (!std::isfinite(force.most_newton)) return "never touched";
+  return fmt::format("{:.2f} N median, {:.2f} N at 95 %, {:.2f} N at most", force.median_newton,
+                     force.p95_newton, force.most_newton);
+}
+
+std::string end_text(TaskScore::End end) {
+  switch (end) {
+    case TaskScore::End::kStopped:
+      return "stopped";
+    case TaskScore::End::kTimeUp:
+      return "the time was up";
+    case TaskScore::End::kRunEnded:
+      return "the run ended";
+    default:
+      return "not ended";
+  }
+}
+
+constexpr double kSaid = 1e-4;  // a smaller share of missing telemetry is 0.0 %
+
+}  // namespace
+
+const char* name(TargetScore::Outcome outcome) {
+  constexpr std::array<const char*, 3> kNames{"missed", "guessed", "found"};
+  return kNames[static_cast<std::size_t>(outcome)];
+}
+
+const char* name(MarkScore::Outcome outcome) {
+  constexpr std::array<const char*, 4> kNames{"find", "guess", "repeated", "false alarm"};
+  return kNames[static_cast<std::size_t>(outcome)];
+}
+
+std::size_t TaskScore::count(TargetScore::Outcome outcome) const {
+  return static_cast<std::size_t>(std::count_if(
+      targets.begin(), targets.end(), [&](const auto& one) { return one.outcome == outcome; }));
+}
+
+std::size_t TaskScore::count(MarkScore::Outcome outcome) const {
+  return static_cast<std::size_t>(std::count_if(
+      marks.begin(), marks.end(), [&](const auto& one) { return one.outcome == outcome; }));
+}
+
+double TaskScore::missing_ratio() const {
+  const std::uint64_t all = ticks + missing_ticks;
+  return all > 0 ? static_cast<double>(missing_ticks) / static_cast<double>(all) : 0.0;
+}
+
+std::vector<std::string> findings_of(const TaskScore& score) {
+  std::vector<std::string> findings;
+  if (score.end == TaskScore::End::kNotStarted) {
+    findings.emplace_back("The task was not started, so there is no score.");
+    return findings;
+  }
+  if (score.missing_ratio() > kSaid || score.device_restarts > 0) {
+    findings.push_back(
+        fmt::format("{:.1f} % of the measurements are missing{}: the score covers the rest.",
+                    100.0 * score.missing_ratio(),
+                    score.device_restarts > 0 ? ", and the device was started again" : ""));
+  }
+  if (score.is_search) {
+    if (score.targets.empty()) {
+      findings.push_back(score.marks.empty() ? "There was nothing to find, and you marked nothing."
+                                             : "There was nothing to find.");
+    } else {
+      findings.push_back(fmt::format("Found {} of {}.", score.count(TargetScore::Outcome::kFound),
+                                     score.targets.size()));
+    }
+    for (const TargetScore& target : score.targets) findings.push_back(finding_of(target));
+    if (const std::size_t alarms = score.count(MarkScore::Outcome::kFalseAlarm); alarms > 0) {
+      findings.push_back(fmt::format("{} {} set where there is nothing.", alarms,
+                                     alarms == 1 ? "mark was" : "marks were"));
+    }
+    if (std::isfinite(score.coverage_ratio)) {
+      findings.push_back(fmt::format("You searched {:.0f} % of the surface with {:.1f} N or more.",
+                                     100.0 * score.coverage_ratio, score.least_force_newton));
+    } else {
+      findings.emplace_back(
+          "What part of the surface you searched is not known: the surface was not received.");
+    }
+  }
+  if (score.overshoot_newton > 0.0) {
+    findings.push_back(fmt::format(
+        "You pressed too hard: up to {:.1f} N, {:.1f} N beyond the limit, for {:.1f} s.",
+        score.most_force_newton + score.overshoot_newton, score.overshoot_newton, score.beyond_s));
+  }
+  return findings;
+}
+
+std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& score) {
+  std::vector<std::pair<std::string, std::string>> figures;
+  const auto add = [&](const std::string& label, std::string value) {
+    figures.emplace_back(label, std::move(value));
+  };
+  if (score.end == TaskScore::End::kNotStarted) return figures;
+  add("time",
+      fmt::format(
+          "{:.1f} s, {}{}", score.time_s, end_text(score.end),
+          std::isfinite(score.limit_s) ? fmt::format(" (limit {:.0f} s)", score.limit_s) : ""));
+  if (score.is_search) {
+    add("found",
+        fmt::format("{} of {}", score.count(TargetScore::Outcome::kFound), score.targets.size()));
+    add("false alarms", std::to_string(score.count(MarkScore::Outcome::kFalseAlarm)));
+    add("coverage", std::isfinite(score.coverage_ratio)
+                        ? fmt::format("{:.1f} % of {:.1f} cm² with {:.2f} N or more",
+                                      100.0 * score.coverage_ratio, 1e4 * score.area_m2,
+                                      score.least_force_newton)
+                        : "not known");
+  }
+  add("force", force_value(score.force));
+  for (const TargetScore& target : score.targets) {
+    add("force over " + target.name, force_value(target.force));
+  }
+  if (!score.targets.empty()) add("force elsewhere", force_value(score.elsewhere));
+  if (std::isfinite(score.depth_most_m)) {
+    add("depth", fmt::format("{:.1f} mm at 95 %, {:.1f} mm at most", 1e3 * score.depth_p95_m,
+                             1e3 * score.depth_most_m));
+  }
+  add("path", fmt::format("{:.3f} m", score.path_m));
+  add("smoothness", std::isfinite(score.smoothness)
+                        ? fmt::format("{:.2f} (log dimensionless jerk)", score.smoothness)
+                        : "not known");
+  if (std::isfinite(score.most_force_newton)) {
+    add("force limit", fmt::format("{:.2f} N; beyond it by {:.2f} N, for {:.2f} s, {:.3f} N·s",
+                                   score.most_force_newton, score.overshoot_newton, score.beyond_s,
+                                   score.damage_newton_s));
+  }
+  add("telemetry missing",
+      fmt::format("{} of {} ticks", score.missing_ticks, score.ticks + score.missing_ticks));
+  return figures;
+}
+
+std::string score_text(const TaskScore& score) {
+  std::string text = "task\n";
+  for (const std::string& finding : findings_of(score)) text += "  " + finding + "\n";
+  for (const auto& [label, value] : figures_of(score)) {
+    text += fmt::format("  {:<20}{}\n", label, value);
+  }
+  return text;
+}
+
+nlohmann::ordered_json score_json(const TaskScore& score) {
+  constexpr std::array<const char*, 5> kEnds{"not_started", "running", "stopped", "time_up",
+                                             "run_ended"};
+  nlohmann::ordered_json json;
+  json["kind"] = score.is_search ? "palpation" : "free";
+  json["end"] = kEnds[static_cast<std::size_t>(score.end)];
+  json["time_s"] = score.time_s;
+  json["limit_s"] = or_null(score.limit_s);
+  if (score.is_search) {
+    json["targets"] = nlohmann::ordered_json::array();
+    for (const TargetScore& target : score.targets) {
+      json["targets"].push_back({{"name", target.name},
+                                 {"outcome", name(target.outcome)},
+                                 {"found_after_s", or_null(target.found_after_s)},
+                                 {"mark_distance_m", or_null(target.mark_distance_m)},
+                                 {"palpable_n", or_null(target.palpable_newton)},
+                                 {"contrast_ratio", or_null(target.contrast_ratio)},
+                                 {"force", force_json(target.force)}});
+    }
+    json["marks"] = nlohmann::ordered_json::array();
+    for (const MarkScore& mark : score.marks) {
+      json["marks"].push_back({{"t_s", mark.t_s},
+                               {"origin", mark.origin},
+                               {"outcome", name(mark.outcome)},
+                               {"target", mark.target}});
+    }
+    json["found"] = score.count(TargetScore::Outcome::kFound);
+    json["guessed"] = score.count(TargetScore::Outcome::kGuessed);
+    json["missed"] = score.count(TargetScore::Outcome::kMissed);
+    json["false_alarms"] = score.count(MarkScore::Outcome::kFalseAlarm);
+    json["coverage_ratio"] = or_null(score.coverage_ratio);
+    json["area_m2"] = or_null(score.area_m2);
+    json["least_force_n"] = or_null(score.least_force_newton);
+    json["force_elsewhere"] = force_json(score.elsewhere);
+    json["depth_p95_m"] = or_null(score.depth_p95_m);
+    json["depth_most_m"] = or_null(score.depth_most_m);
+  }
+  json["force"] = force_json(score.force);
+  json["path_m"] = score.path_m;
+  json["smoothness"] = or_null(score.smoothness);
+  json["most_force_n"] = or_null(score.most_force_newton);
+  json["overshoot_n"] = or_null(score.overshoot_newton);
+  json["beyond_s"] = or_null(score.beyond_s);
+  json["damage_n_s"] = or_null(score.damage_newton_s);
+  json["ticks"] = score.ticks;
+  json["missing_ticks"] = score.missing_ticks;
+  json["missing_ratio"] = score.missing_ratio();
+  json["device_restarts"] = score.device_restarts;
+  return json;
+}
+
+}  // namespace palpate

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// score.h — the score of one task: figures, and sentences for people who do not read plots. What
+// each figure means: docs/tasks.md.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace palpate {
+
+inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
+
+/// Forces on the hand while it touches. NaN where it never did.
+struct ForceFigures {
+  double median_newton = kNotKnown;
+  double p95_newton = kNotKnown;
+  double most_newton = kNotKnown;
+  double touch_s = 0.0;
+};
+
+/// One lesion.
+struct TargetScore {
+  enum class Outcome : std::uint8_t {
+    kMissed,   ///< never marked
+    kGuessed,  ///< marked, but never pressed so hard that it can be felt
+    kFound,
+  };
+  std::string name;
+  Outcome outcome = Outcome::kMissed;
+  double found_after_s = kNotKnown;
+  double mark_distance_m = kNotKnown;  ///< of the mark from the place above its centre
+  double palpable_newton = kNotKnown;  ///< as in the session
+  double contrast_ratio = kNotKnown;   ///< as in the session
+  ForceFigures force{};                ///< over it
+};
+[[nodiscard]] const char* name(TargetScore::Outcome outcome);
+
+/// One mark of the person.
+struct MarkScore {
+  enum class Outcome : std::uint8_t {
+    kFind,
+    kGuess,       ///< TargetScore::Outcome::kGuessed
+    kRepeated,    ///< of a lesion that is found already
+    kFalseAlarm,  ///< where there is nothing, or without a touch
+  };
+  double t_s = 0.0;  ///< since the start
+  std::string origin{};
+  Outcome outcome = Outcome::kFalseAlarm;
+  std::string target{};  ///< the lesion; empty: none
+};
+[[nodiscard]] const char* name(MarkScore::Outcome outcome);
+
+struct TaskScore {
+  enum class End : std::uint8_t { kNotStarted, kRunning, kStopped, kTimeUp, kRunEnded };
+
+  bool is_search = false;
+  End end = End::kNotStarted;
+  double time_s = 0.0;
+  double limit_s = kNotKnown;
+  std::vector<TargetScore> targets{};
+  std::vector<MarkScore> marks{};
+  // of a search
+  double coverage_ratio = kNotKnown;  ///< of the surface that is to be searched
+  double area_m2 = kNotKnown;         ///< of that surface
+  double least_force_newton = kNotKnown;
+  ForceFigures elsewhere{};  ///< away from all lesions
+  double depth_p95_m = kNotKnown;
+  double depth_most_m = kNotKnown;
+  // of every task
+  ForceFigures force{};
+  double path_m = 0.0;
+  double smoothness = kNotKnown;         ///< log dimensionless jerk
+  double most_force_newton = kNotKnown;  ///< limit
+  double overshoot_newton = kNotKnown;   ///< the largest force beyond it
+  double beyond_s = kNotKnown;           ///< time beyond it
+  double damage_newton_s = kNotKnown;    ///< ∫ (F − limit) dt beyond it
+  // of the telemetry
+  std::uint64_t ticks = 0;
+  std::uint64_t missing_ticks = 0;
+  std::uint64_t device_restarts = 0;
+
+  [[nodiscard]] std::size_t count(TargetScore::Outcome outcome) const;
+  [[nodiscard]] std::size_t count(MarkScore::Outcome outcome) const;
+  /// Share of the ticks of the task whose telemetry is missing; 0 without ticks.
+  [[nodiscard]] double missing_ratio() const;
+};
+
+/// One sentence each, the most important first; of a task that did not start one that says so.
+[[nodiscard]] std::vector<std::string> findings_of(const TaskScore& score);
+/// Label and value with unit.
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& score);
+/// Sentences and figures for a terminal.
+[[nodiscard]] std::string score_text(const TaskScore& score);
+/// Keys: docs/tasks.md. NaN becomes null.
+[[nodiscard]] nlohmann::ordered_json score_json(const TaskScore& score);
+
+}  // namespace palpate

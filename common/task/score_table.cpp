@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/task/score_table.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+constexpr double kNormal95 = 1.959964;  // two-sided quantile of the normal distribution
+
+/// Of the score interval; `sign` −1 or 1.
+double wilson(std::uint64_t hits, std::uint64_t cases, double sign) {
+  if (cases == 0) return kNotKnown;
+  const auto n = static_cast<double>(cases);
+  const double p = static_cast<double>(hits) / n;
+  const double z2 = kNormal95 * kNormal95;
+  const double middle = p + z2 / (2.0 * n);
+  const double half = kNormal95 * std::sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n));
+  return std::clamp((middle + sign * half) / (1.0 + z2 / n), 0.0, 1.0);
+}
+
+std::string share_text(const CountedShare& share) {
+  if (share.cases == 0) return "no case";
+  return fmt::format("{} of {}, {:.0f} % (95 % interval {:.0f} … {:.0f} %)", share.hits,
+                     share.cases, 100.0 * share.ratio(), 100.0 * share.low(), 100.0 * share.high());
+}
+
+nlohmann::ordered_json share_json(const CountedShare& share) {
+  const auto or_null = [](double value) {
+    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+  };
+  return {{"hits", share.hits},
+          {"cases", share.cases},
+          {"ratio", or_null(share.ratio())},
+          {"low", or_null(share.low())},
+          {"high", or_null(share.high())}};
+}
+
+std::string number(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "–";
+}
+
+/// In CSV: a field with a comma or a quote is quoted; an unknown number is empty, as in R's NA.
+std::string csv_text(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"') quoted += '"';
+    quoted += c;
+  }
+  return quoted + '"';
+}
+std::string csv_number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.9g}", value) : "";
+}
+
+/// The end of the path, which tells runs apart.
+std::string short_name(const std::string& run) {
+  const std::size_t slash = run.find_last_of('/');
+  return slash == std::string::npos ? run : run.substr(slash + 1);
+}
+
+std::string detection_text(const DetectionFigures& detection) {
+  if (detection.runs == 0) return "";
+  return fmt::format("  {:<20}{}\n  {:<20}{}\n  {:<20}{} in {} runs\n", "sensitivity",
+                     share_text(detection.sensitivity), "specificity",
+                     share_text(detection.specificity), "false alarms", detection.false_alarms,
+                     detection.runs);
+}
+
+}  // namespace
+
+double CountedShare::ratio() const {
+  return cases > 0 ? static_cast<double>(hits) / static_cast<double>(cases) : kNotKnown;
+}
+double CountedShare::low() const { return wilson(hits, cases, -1.0); }
+double CountedShare::high() const { return wilson(hits, cases, 1.0); }
+
+DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
+  DetectionFigures figures;
+  for (const NamedScore& one : scores) {
+    const TaskScore& score = one.score;
+    if (!score.is_search || score.end == TaskScore::End::kNotStarted) continue;
+    ++figures.runs;
+    figures.false_alarms += score.count(MarkScore::Outcome::kFalseAlarm);
+    figures.sensitivity.hits += score.count(TargetScore::Outcome::kFound);
+    figures.sensitivity.cases += score.targets.size();
+    if (!score.targets.empty()) continue;
+    ++figures.specificity.cases;
+    if (score.marks.empty()) ++figures.specificity.hits;
+  }
+  return figures;
+}
+
+std::string table_text(const std::vector<NamedScore>& scores) {
+  std::size_t width = 3;
+  for (const NamedScore& one : scores) width = std::max(width, short_name(one.run).size());
+  std::string text =
+      fmt::format("{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}\n",
+                  "run", width, "found", "guessed", "alarms", "time s", "cover %", "F50 N", "F95 N",
+                  "Fmax N", "path m", "beyond N", "missing%");
+  for (const NamedScore& one : scores) {
+    const TaskScore& s = one.score;
+    text += fmt::format(
+        "{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}\n",
+        short_name(one.run), width,
+        fmt::format("{}/{}", s.count(TargetScore::Outcome::kFound), s.targets.size()),
+        s.count(TargetScore::Outcome::kGuessed), s.count(MarkScore::Outcome::kFalseAlarm),
+        number(s.time_s, 1), number(100.0 * s.coverage_ratio, 1), number(s.force.median_newton, 2),
+        number(s.force.p95_newton, 2), number(s.force.most_newton, 2), number(s.path_m, 3),
+        number(s.overshoot_newton, 2), number(100.0 * s.missing_ratio(), 2));
+  }
+  return text + detection_text(detection_of(scores));
+}
+
+std::string compared_text(const std::vector<NamedScore>& scores) {
+  constexpr std::size_t kColumn = 36;
+  std::vector<std::string> labels;
+  std::vector<std::vector<std::string>> columns;
+  for (const NamedScore& one : scores) {
+    std::vector<std::string>& column = columns.emplace_back();
+    const auto figures = figures_of(one.score);
+    for (const auto& [label, value] : figures) {
+      if (std::find(labels.begin(), labels.end(), label) == labels.end()) labels.push_back(label);
+    }
+    for (const std::string& label : labels) {
+      const auto figure = std::find_if(figures.begin(), figures.end(),
+                                       [&](const auto& each) { return each.first == label; });
+      column.push_back(figure == figures.end() ? "–" : figure->second);
+    }
+  }
+  const auto cell = [](const std::string& text) {
+    std::size_t shown = 0;  // characters of UTF-8
+    for (const char c : text) shown += (static_cast<unsigned char>(c) & 0xC0U) != 0x80U ? 1 : 0;
+    return text + std::string(shown < kColumn ? kColumn - shown : 2, ' ');
+  };
+  std::string text = fmt::format("{:<22}", "");
+  for (const NamedScore& one : scores) text += cell(short_name(one.run));
+  text += '\n';
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    text += fmt::format("{:<22}", labels[i]);
+    for (const auto& column : columns) text += cell(i < column.size() ? column[i] : "–");
+    text += '\n';
+  }
+  return text;
+}
+
+std::string table_csv(const std::vector<NamedScore>& scores) {
+  std::string csv =
+      "run,kind,targets,found,guessed,missed,false_alarms,time_s,coverage_ratio,force_median_n,"
+      "force_p95_n,force_most_n,touch_s,depth_p95_m,depth_most_m,path_m,smoothness,overshoot_n,"
+      "beyond_s,damage_n_s,missing_ratio\n";
+  for (const NamedScore& one : scores) {
+    const TaskScore& s = one.score;
+    csv +=
+        fmt::format("{},{},{},{},{},{},{},", csv_text(one.run), s.is_search ? "palpation" : "free",
+                    s.targets.size(), s.count(TargetScore::Outcome::kFound),
+                    s.count(TargetScore::Outcome::kGuessed), s.count(TargetScore::Outcome::kMissed),
+                    s.count(MarkScore::Outcome::kFalseAlarm));
+    const auto add = [&](double value, char after) { csv += csv_number(value) + after; };
+    for (const double value :
+         {s.time_s, s.coverage_ratio, s.force.median_newton, s.force.p95_newton,
+          s.force.most_newton, s.force.touch_s, s.depth_p95_m, s.depth_most_m, s.path_m,
+          s.smoothness, s.overshoot_newton, s.beyond_s, s.damage_newton_s}) {
+      add(value, ',');
+    }
+    add(s.missing_ratio(), '\n');
+  }
+  return csv;
+}
+
+nlohmann::ordered_json table_json(const std::vector<NamedScore>& scores) {
+  nlohmann::ordered_json json;
+  for (const NamedScore& one : scores) json["runs"][one.run] = score_json(one.score);
+  const DetectionFigures detection = detection_of(scores);
+  json["detection"] = {{"sensitivity", share_json(detection.sensitivity)},
+                       {"specificity", share_json(detection.specificity)},
+                       {"runs", detection.runs},
+                       {"false_alarms", detection.false_alarms}};
+  return json;
+}
+
+}  // namespace palpate

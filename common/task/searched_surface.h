@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// searched_surface.h — the surface of a tissue at rest as points that each stand for a small area:
+// which of it a hand has searched, and where on it a tip is.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "common/core/scene_messages.h"
+#include "common/core/vector.h"
+#include "common/session/scene_config.h"
+
+namespace palpate {
+
+class SearchedSurface {
+ public:
+  /// Most points, whatever the size of the surface.
+  static constexpr std::size_t kMostPoints = 150'000;
+
+  /// One point in each piece of the triangles, at a place of the piece that is random and always
+  /// the same: no direction of a path is favoured. They are about a 24th of `radius_m` apart, more
+  /// where that would be more points than kMostPoints.
+  /// @param mesh      with triangles; without, the surface has no points
+  /// @param area      what is to be searched; never a MeshTag; none: all
+  /// @param radius_m  of a press, > 0
+  SearchedSurface(const SurfaceMesh& mesh, const std::optional<RegionGeometry>& area,
+                  double radius_m);
+
+  [[nodiscard]] bool empty() const { return points_.empty(); }
+
+  /// A place on the surface.
+  struct Foot {
+    Vector3 point_m = Vector3::Zero();
+    Vector3 normal = Vector3::UnitZ();  ///< out of the tissue
+  };
+  /// The foot of the perpendicular from there on the surface: nearest, within `within_m`.
+  [[nodiscard]] std::optional<Foot> foot_of(const Vector3& place_m, double within_m) const;
+
+  /// Everything within `radius_m` of the place is searched.
+  void search(const Vector3& place_m);
+
+  /// Share of the area that is searched; NaN: nothing is to be searched.
+  [[nodiscard]] double searched_ratio() const {
+    return area_m2_ > 0.0 ? searched_m2_ / area_m2_ : std::numeric_limits<double>::quiet_NaN();
+  }
+  [[nodiscard]] double area_m2() const { return area_m2_; }
+  [[nodiscard]] double spacing_m() const { return spacing_m_; }
+
+ private:
+  struct Point {
+    std::array<float, 3> place_m;
+    std::uint32_t triangle;
+    float area_m2;  // 0: not to be searched
+    bool is_searched;
+  };
+  using Cell = std::array<std::int32_t, 3>;
+  struct CellHash {
+    std::size_t operator()(const Cell& cell) const {
+      return static_cast<std::size_t>(cell[0]) * 73856093U ^
+             static_cast<std::size_t>(cell[1]) * 19349663U ^
+             static_cast<std::size_t>(cell[2]) * 83492791U;
+    }
+  };
+  void sample(std::uint32_t triangle, const std::array<Vector3, 3>& corners,
+              const std::optional<RegionGeometry>& area);
+  void sort_into_cells();
+  [[nodiscard]] Cell cell_of(const Vector3& place_m) const;
+  /// Calls visit(index of a point) for the points of the cells at this distance from the cell.
+  template <class Visit>
+  void for_shell(const Cell& middle, std::int32_t distance, const Visit& visit) const;
+
+  double radius_m_;
+  double spacing_m_ = 0.0;
+  double cell_m_;
+  double area_m2_ = 0.0;
+  double searched_m2_ = 0.0;
+  std::vector<Point> points_;
+  std::vector<Vector3> normals_;  // of the triangles
+  std::unordered_map<Cell, std::pair<std::uint32_t, std::uint32_t>, CellHash> cells_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rules of task { … } in a session: each violated, and kept.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/session/session_support.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+constexpr const char* kScene = R"(
+  scene {
+    tool { tip_radius_m: 0.006 }
+    tissue {
+      name: "block" tetrahedral_mesh { file: "b.msh" }
+      elastic {
+        young_pa: 1e4 fixed { half_space { point_m { z: -0.04 } } }
+        part { where { sphere { center_m { x: 0.01 z: -0.02 } radius_m: 0.008 } } young_pa: 1e5 }
+        part { where { half_space { point_m { z: -0.03 } } } young_pa: 2e4 }
+      }
+    }
+    tissue {
+      name: "pad" half_space { point_m { z: -0.1 } }
+      kelvin_voigt {
+        stiffness_newton_per_m: 300
+        inclusion { center_m { z: -0.11 } radius_m: 0.005 stiffness_newton_per_m: 900 }
+      }
+    }
+    tissue {
+      name: "beating" sphere { center_m { x: 1 } radius_m: 0.1 }
+      kelvin_voigt { stiffness_newton_per_m: 300 }
+      motion { amplitude_m { z: 0.01 } frequency_hz: 1 }
+    }
+  }
+)";
+
+std::string session_with(const std::string& task, const std::string& rest = "") {
+  return std::string("name: \"x\" ") + kScene + rest + " task { " + task + " }";
+}
+std::vector<std::string> task_complaints(const std::string& task, const std::string& rest = "") {
+  return complaints(session_with(task, rest), {}, "/tmp");
+}
+auto is_at(const std::string& field, const std::string& words) {
+  return AllOf(SizeIs(2),
+               Contains(AllOf(StartsWith("x.txtpb:"), HasSubstr(field + ""), HasSubstr(words))));
+}
+
+TEST(TaskRules, ASearchIsReadWithItsDefaults) {
+  const Session session = parse_session(
+      session_with("palpation { tissue: 'block' target { lesion: 0 palpable_newton: 1.5 } "
+                   "area { box { size_m { x: 0.05 y: 0.05 z: 0.01 } } } }"),
+      "x.txtpb", {}, "/tmp");
+  ASSERT_TRUE(session.task);
+  const TaskConfig& task = *session.task;
+  EXPECT_FALSE(task.is_started_by_person);
+  EXPECT_FALSE(task.time_s);
+  EXPECT_FALSE(task.most_force_newton);
+  EXPECT_TRUE(task.hides_lesions());
+  ASSERT_NE(task.palpation(), nullptr);
+  const PalpationTask& search = *task.palpation();
+  EXPECT_EQ(search.tissue, 0U);
+  EXPECT_EQ(search.least_force_newton, 0.5);
+  EXPECT_EQ(search.coverage_radius_m, 0.006);
+  EXPECT_EQ(search.mark_tolerance_m, 0.01);
+  ASSERT_THAT(search.targets, SizeIs(1));
+  EXPECT_EQ(search.targets[0].name, "lesion 1");
+  EXPECT_EQ(search.targets[0].center_m, Vector3(0.01, 0.0, -0.02));
+  EXPECT_EQ(search.targets[0].radius_m, 0.008);
+  EXPECT_EQ(search.targets[0].palpable_newton, 1.5);
+  EXPECT_TRUE(std::isnan(search.targets[0].contrast_ratio));
+}
+
+TEST(TaskRules, TargetsAreInclusionsTooAndAFreeTaskHasNone) {
+  EXPECT_THAT(task_complaints("start: by_person time_s: 60 mark_button: 31 "
+                              "palpation { tissue: 'pad' target { lesion: 0 } }"),
+              IsEmpty());
+  EXPECT_THAT(task_complaints("free {} most_force_newton: 3"), IsEmpty());
+  EXPECT_FALSE(parse_session(session_with("free {}"), "x", {}, "/tmp").task->hides_lesions());
+}
+
+TEST(TaskRules, NeedsAKindAndATissueThatRests) {
+  EXPECT_THAT(task_complaints(""), is_at("task", "a kind is required"));
+  EXPECT_THAT(task_complaints("palpation {}"), is_at("task.palpation.tissue", "name a tissue"));
+  EXPECT_THAT(task_complaints("palpation { tissue: 'liver' }"),
+              is_at("task.palpation.tissue", "has no tissue of this name"));
+  EXPECT_THAT(task_complaints("palpation { tissue: 'beating' }"),
+              is_at("task.palpation.tissue", "must be at rest"));
+}
+
+TEST(TaskRules, ATargetIsABallOfTheTissueAndOnlyOnce) {
+  const auto target = [](const std::string& fields) {
+    return task_complaints("palpation { tissue: 'block' target { " + fields + " } }");
+  };
+  EXPECT_THAT(target(""), is_at("task.palpation.target[0].lesion", "give the index"));
+  EXPECT_THAT(target("lesion: 2"), is_at("target[0].lesion", "has 2 parts or inclusions"));
+  EXPECT_THAT(target("lesion: 1"), is_at("target[0].lesion", "must be a ball"));
+  EXPECT_THAT(target("lesion: 0 } target { lesion: 0"),
+              is_at("target[1].lesion", "another target is this one too"));
+  EXPECT_THAT(target("lesion: 0 palpable_newton: -1"), is_at("palpable_newton", "must be"));
+}
+
+TEST(TaskRules, RangesAndPlaces) {
+  EXPECT_THAT(task_complaints("free {} time_s: 0.5"), is_at("task.time_s", "must be"));
+  EXPECT_THAT(task_complaints("free {} most_force_newton: 0"),
+              is_at("task.most_force_newton", "must be > 0"));
+  EXPECT_THAT(task_complaints("free {} mark_button: 32"), is_at("task.mark_button", "32 buttons"));
+  EXPECT_THAT(task_complaints("free {} briefing: '" + std::string(1001, 'a') + "'"),
+              is_at("task.briefing", "at most 1000 bytes"));
+  EXPECT_THAT(task_complaints("palpation { tissue: 'block' area { tag: 'top' } }"),
+              is_at("task.palpation.area.tag", "half_space, sphere or box"));
+}
+
+TEST(TaskRules, IsForOneDeviceAndOurPhysics) {
+  EXPECT_THAT(task_complaints("free {}", "side { name: 'left' } side { name: 'right' }"),
+              Contains(HasSubstr("is for one device; leave it out of a session with sides")));
+  EXPECT_THAT(task_complaints("palpation { tissue: 'pad' }", "physics { command: 'mine' }"),
+              Contains(HasSubstr("needs physics_node")));
+}
+
+TEST(TaskRules, TargetsAndTheirLesionsAreTakenOut) {
+  const Session whole =
+      parse_session(session_with("palpation { tissue: 'block' target { lesion: 0 } }",
+                                 "hand { press { until_s: 1 } }"),
+                    "x", {}, "/tmp");
+  const Session rest = parse_session(without_targets(whole.text), "x", {}, "/tmp");
+  EXPECT_THAT(rest.task->palpation()->targets, IsEmpty());
+  const auto& parts = std::get<ElasticMaterial>(rest.scene.tissues[0].material).parts;
+  ASSERT_THAT(parts, SizeIs(1));  // the one that is no target stays
+  EXPECT_EQ(parts[0].young_pa, 2e4);
+  EXPECT_THAT(whole.side().hand.presses, SizeIs(1));
+  EXPECT_THAT(rest.side().hand.presses, IsEmpty());
+  EXPECT_EQ(without_targets("{"), "");
+}
+
+}  // namespace
+}  // namespace palpate

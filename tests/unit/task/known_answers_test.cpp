@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// Figures of hands whose coverage, path, forces and overshoot follow from geometry.
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "tests/unit/task/task_support.h"
+
+namespace palpate::test {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kRadius_m = 0.005;  // of a press
+
+// A slide of length L searches a strip with round ends: 2 r L + π r², of 100 cm².
+TEST(KnownAnswers, TheCoverageOfASlideIsItsStrip) {
+  for (const double turn_rad : {0.0, 0.3, kPi / 4}) {
+    constexpr double kLength_m = 0.05;
+    const TaskScore score = score_of(search(), 2.0, [&](double t_s) {
+      const double along_m = kLength_m * (0.5 * t_s - 0.5);
+      return pressed(along_m * std::cos(turn_rad), along_m * std::sin(turn_rad), 0.002, 1.0);
+    });
+    const double strip_m2 = 2.0 * kRadius_m * kLength_m + kPi * kRadius_m * kRadius_m;
+    EXPECT_NEAR(score.area_m2, 0.01, 1e-6);
+    EXPECT_NEAR(score.coverage_ratio * score.area_m2 / strip_m2, 1.0, 0.01) << turn_rad;
+  }
+}
+
+TEST(KnownAnswers, APressBelowTheLeastForceSearchesNothing) {
+  EXPECT_EQ(
+      score_of(search(), 1.0, [](double) { return pressed(0, 0, 0.002, 0.49); }).coverage_ratio,
+      0.0);
+  EXPECT_NEAR(
+      score_of(search(), 1.0, [](double) { return pressed(0, 0, 0.002, 0.51); }).coverage_ratio *
+          0.01 / (kPi * kRadius_m * kRadius_m),
+      1.0, 0.01);
+}
+
+TEST(KnownAnswers, OnlyTheAreaIsToBeSearched) {
+  TaskConfig task = search();
+  // half of the strip of 2 cm around y = 0
+  std::get<PalpationTask>(task.kind).area =
+      BoxGeometry{.center_m = {0.025, 0.0, 0.0}, .size_m = {0.05, 0.02, 0.01}};
+  const TaskScore score = score_of(
+      task, 2.0, [](double t_s) { return pressed(0.1 * (0.5 * t_s - 0.5), 0.0, 0.002, 1.0); });
+  EXPECT_NEAR(score.area_m2, 0.001, 1e-5);
+  EXPECT_NEAR(score.coverage_ratio, 0.5, 0.005);
+}
+
+// A circle of radius 20 mm at 0.5 Hz, seen by an encoder with steps of 0.055 mm.
+TEST(KnownAnswers, ThePathOfACircleIsItsCircumference) {
+  const TaskScore score = score_of({}, 10.0, [](double t_s) {
+    const Vector3 at_m(0.02 * std::cos(kPi * t_s), 0.02 * std::sin(kPi * t_s), 0.05);
+    constexpr double kStep_m = 55e-6;
+    return Tip{.at_m = {kStep_m * std::round(at_m.x() / kStep_m),
+                        kStep_m * std::round(at_m.y() / kStep_m), at_m.z()}};
+  });
+  EXPECT_NEAR(score.path_m / (5.0 * 2.0 * kPi * 0.02), 1.0, 0.01);
+  EXPECT_FALSE(score.is_search);
+  EXPECT_TRUE(std::isnan(score.coverage_ratio));
+}
+
+// x = A sin ωt: v_peak = Aω, ∫|x'''|² = A²ω⁶T/2 over whole periods, so −ln((ωT)⁴/2).
+TEST(KnownAnswers, TheSmoothnessOfASinusoid) {
+  constexpr double kOmega = 2.0 * kPi * 0.5;
+  const TaskScore score = score_of({}, 10.0, [](double t_s) {
+    return Tip{.at_m = {0.02 * std::sin(kOmega * t_s), 0.0, 0.05}};
+  });
+  const double exact = -std::log(std::pow(kOmega * 10.0, 4) / 2.0);
+  EXPECT_NEAR(score.smoothness / exact, 1.0, 0.01);
+}
+
+// From rest to rest with least jerk: −ln(720/1.875²) [Flash85]; a hand that trembles is less
+// smooth.
+TEST(KnownAnswers, TheSmoothestReachAndATremor) {
+  const auto reach = [](double t_s, double tremor_m) {
+    const double s = t_s / 20.0;
+    return Tip{.at_m = {0.1 * s * s * s * (10.0 - 15.0 * s + 6.0 * s * s),
+                        tremor_m * std::sin(2.0 * kPi * 5.0 * t_s), 0.05}};
+  };
+  const double smooth = score_of({}, 20.0, [&](double t_s) { return reach(t_s, 0.0); }).smoothness;
+  EXPECT_NEAR(smooth, -std::log(720.0 / (1.875 * 1.875)), 0.01 * 5.32);
+  EXPECT_LT(score_of({}, 20.0, [&](double t_s) { return reach(t_s, 1e-3); }).smoothness,
+            smooth - 3.0);
+}
+
+// F = 2 + sin: the quantile q is 2 − cos πq.
+TEST(KnownAnswers, PercentilesOfTheForce) {
+  const TaskScore score = score_of(search({lump()}), 20.0, [](double t_s) {
+    return pressed(-0.03, 0.0, 0.002, 2.0 + std::sin(2.0 * kPi * t_s));
+  });
+  for (const ForceFigures& force : {score.force, score.elsewhere}) {
+    EXPECT_NEAR(force.median_newton, 2.0, 0.02);
+    EXPECT_NEAR(force.p95_newton, 2.0 - std::cos(0.95 * kPi), 0.03);
+    EXPECT_NEAR(force.most_newton, 3.0, 1e-9);
+    EXPECT_NEAR(force.touch_s, 20.0, 0.01);
+  }
+  EXPECT_TRUE(std::isnan(score.targets[0].force.most_newton));
+}
+
+// Half of the time over the lump with 3 N, half beside it with 1 N.
+TEST(KnownAnswers, EachRegionHasItsOwnForces) {
+  const TaskScore score = score_of(search({lump()}), 4.0, [](double t_s) {
+    return t_s < 2.0 ? pressed(0.02, 0.004, 0.004, 3.0) : pressed(-0.02, 0.0, 0.001, 1.0);
+  });
+  EXPECT_NEAR(score.targets[0].force.median_newton, 3.0, 0.01);
+  EXPECT_NEAR(score.targets[0].force.touch_s, 2.0, 0.01);
+  EXPECT_NEAR(score.elsewhere.most_newton, 1.0, 1e-9);
+  EXPECT_NEAR(score.elsewhere.touch_s, 2.0, 0.01);
+  EXPECT_NEAR(score.depth_most_m, 0.004, 1e-5);
+}
+
+TEST(KnownAnswers, TheDepthOfThePress) {
+  const TaskScore score =
+      score_of(search(), 10.0, [](double t_s) { return pressed(0.0, 0.0, 0.001 * t_s, 1.0); });
+  EXPECT_NEAR(score.depth_p95_m / 0.0095, 1.0, 0.01);
+  EXPECT_NEAR(score.depth_most_m / 0.01, 1.0, 0.01);
+}
+
+// F = 2 + sin ωt with a limit of 2.5 N: beyond it a third of the time, by up to 0.5 N, and
+// ∫ (sin − ½) = (√3 − π/3)/(2π) in each second.
+TEST(KnownAnswers, OvershootTimeAndDamage) {
+  TaskConfig task = search();
+  task.most_force_newton = 2.5;
+  const TaskScore score = score_of(task, 12.0, [](double t_s) {
+    return pressed(0.0, 0.0, 0.002, 2.0 + std::sin(2.0 * kPi * t_s));
+  });
+  EXPECT_NEAR(score.overshoot_newton / 0.5, 1.0, 0.01);
+  EXPECT_NEAR(score.beyond_s / 4.0, 1.0, 0.01);
+  EXPECT_NEAR(score.damage_newton_s / (12.0 * (std::sqrt(3.0) - kPi / 3.0) / (2.0 * kPi)), 1.0,
+              0.01);
+  task.most_force_newton = 3.5;
+  EXPECT_EQ(score_of(task, 1.0, [](double) { return pressed(0, 0, 0, 2.0); }).overshoot_newton,
+            0.0);
+}
+
+}  // namespace
+}  // namespace palpate::test

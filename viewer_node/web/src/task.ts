@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// task.ts: the task of a session for the person who does it: what is to be done, start, marks, stop,
+// score. In plain words; all of it by keyboard, and said to a screen reader.
+import { make, write } from "./card";
+import { clock_words } from "./run";
+import { MarkerKind, TaskPhase, type Health, type RunRequest, type TaskState } from "./wire";
+
+/** What is said of a change; "" if nothing is. */
+export function task_news(before: TaskState | null, now: TaskState): string {
+  if (!before || before.phase === now.phase) {
+    if (!before || now.phase !== TaskPhase.running || now.marks <= before.marks) return "";
+    return now.isSearch ? `Find ${now.marks} marked.` : "";
+  }
+  if (now.phase === TaskPhase.running) return "The task has started.";
+  return now.phase === TaskPhase.ended ? `The task has ended. ${now.findings.join(" ")}` : "";
+}
+
+/** "1:12 left", "0:48". */
+export function time_words({ elapsedS, timeS }: TaskState): string {
+  return timeS > 0 ? `${clock_words(Math.ceil(timeS - elapsedS))} left` : clock_words(elapsedS);
+}
+
+export class TaskPanel {
+  can_publish = false;
+  private state: TaskState | null = null;
+  private is_replay = false;
+  private readonly title = make("h2");
+  private readonly briefing = make("p", "briefing");
+  private readonly progress = make("p", "progress");
+  private readonly news = make("p", "heard");
+  private readonly start: HTMLButtonElement;
+  private readonly find: HTMLButtonElement;
+  private readonly stop: HTMLButtonElement;
+  private readonly findings = make("ul", "findings");
+  private readonly figures = make("dl", "figures");
+
+  constructor(private readonly element: HTMLElement, private readonly publish: (request: RunRequest) => boolean) {
+    const button = (id: string, label: string, strength: string, act: () => void) => {
+      const made = make("button", `button ${strength}`, label);
+      made.type = "button";
+      made.id = id;
+      made.hidden = true;
+      made.addEventListener("click", act);
+      return made;
+    };
+    this.title.id = "task-title";
+    this.news.setAttribute("role", "status");
+    this.start = button("task-start", "Start", "strong", () => this.publish({ marker: "", markerKind: MarkerKind.task_start }));
+    this.find = button("task-find", "Mark a find (M)", "strong", () => this.mark());
+    this.stop = button("task-stop", "Stop", "", () => this.publish({ marker: "", markerKind: MarkerKind.task_stop }));
+    const buttons = make("div", "buttons");
+    buttons.append(this.start, this.find, this.stop);
+    element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.figures, this.news);
+  }
+
+  /** The person has found something. False: there is nothing to mark now. */
+  mark(): boolean {
+    if (this.find.hidden) return false;
+    this.publish({ marker: "", markerKind: MarkerKind.note });
+    return true;
+  }
+
+  take({ task, replay }: Health): void {
+    this.element.hidden = task === undefined;
+    if (!task) {
+      this.state = null;
+      return;
+    }
+    this.is_replay = replay !== undefined;
+    const news = task_news(this.state, task);
+    if (news) write(this.news, news);
+    const had_focus = this.element.contains(document.activeElement);
+    const has_changed = this.state?.phase !== task.phase;
+    this.state = task;
+    this.write(task);
+    if (has_changed && had_focus) this.focus();
+  }
+
+  private write(task: TaskState): void {
+    const is_running = task.phase === TaskPhase.running;
+    const has_ended = task.phase === TaskPhase.ended;
+    const may_act = this.can_publish && !this.is_replay;
+    this.element.dataset.phase = TaskPhase[task.phase];
+    write(this.title, has_ended ? "Score" : is_running ? "Task" : "Your task");
+    write(this.briefing, task.briefing);
+    this.briefing.hidden = has_ended || task.briefing === "";
+    const found = task.isSearch ? ` · ${task.marks} ${task.marks === 1 ? "find" : "finds"} marked` : "";
+    write(this.progress, is_running ? time_words(task) + found : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
+    this.progress.hidden = has_ended || this.progress.textContent === "";
+    this.start.hidden = task.phase !== TaskPhase.waiting || !may_act;
+    this.find.hidden = !is_running || !task.isSearch || !may_act;
+    this.stop.hidden = !is_running || !may_act;
+    this.findings.hidden = this.figures.hidden = !has_ended;
+    if (this.findings.childElementCount !== task.findings.length || this.findings.textContent !== task.findings.join("")) {
+      this.findings.replaceChildren(...task.findings.map((finding) => make("li", "", finding)));
+    }
+    if (this.figures.childElementCount !== task.figures.length) {
+      this.figures.replaceChildren(...task.figures.map(({ label, value }) => {
+        const line = make("div");
+        line.append(make("dt", "", label), make("dd", "", value));
+        return line;
+      }));
+    }
+  }
+
+  /** Keeps the keyboard where the button was that has gone. */
+  private focus(): void {
+    const next = [this.start, this.find, this.stop].find((button) => !button.hidden);
+    if (next) next.focus();
+    else {
+      this.title.tabIndex = -1;
+      this.title.focus();
+    }
+  }
+}
