@@ -23,6 +23,9 @@ namespace {
 using test::Program;
 using ::testing::HasSubstr;
 
+const std::string kSession = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+const std::string kLibrary = "device.plugin.library=" PALPATE_BOARD_DEVICE;
+
 /// What board_device.c keeps of its motors.
 class Board {
  public:
@@ -40,10 +43,9 @@ class Board {
     return motors;
   }
   [[nodiscard]] std::vector<std::string> arguments(std::vector<std::string> command) const {
-    command.insert(command.end(), {PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb", "--set",
-                                   "device.plugin.library=" PALPATE_BOARD_DEVICE, "--set",
-                                   "device.plugin.options=" + options(), "--trust",
-                                   "--without-watchdog", "--i-understand-this-moves-the-device"});
+    command.insert(command.end(),
+                   {kSession, "--set", kLibrary, "--set", "device.plugin.options=" + options(),
+                    "--trust", "--without-watchdog", "--i-understand-this-moves-the-device"});
     return command;
   }
 
@@ -184,8 +186,7 @@ TEST(ConformDevice, MotorsThatFailTheSmallPushGetNoOther) {
 // A person who has acknowledged expects the device to move.
 TEST(HandsOffCheck, OfADeviceWithoutAWatchdogIsRefusedBeforeThePrompt) {
   const Board board("right");
-  Program node("device_node", {"--session", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb",
-                               "--set", "device.plugin.library=" PALPATE_BOARD_DEVICE, "--set",
+  Program node("device_node", {"--session", kSession, "--set", kLibrary, "--set",
                                "device.plugin.options=" + board.options(), "--set",
                                "device.hands_off_check=true"});
   EXPECT_EQ(node.wait(), 2) << node.err();
