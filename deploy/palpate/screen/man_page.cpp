@@ -86,7 +86,8 @@ std::string man_page(const CLI::App& app, const CLI::App& command) {
   if (&command != &app) text += options_of(app, false);
   text +=
       ".SH EXIT STATUS\n0: done. 1: failed, or something could not be written. 2: a mistake in the "
-      "command line or in a file; the message says what to change.\n";
+      "command line or in a file; the message says what to change. 128 + a signal: it ended "
+      "identify or conform device; the message says how the motors were left.\n";
   text += ".SH SEE ALSO\n";
   if (&command != &app) {
     text += "\\fB" + roff(app.get_name()) + "\\fR(1)\n";
