@@ -147,6 +147,7 @@ void write_file(const std::filesystem::path& file, const std::string& text) {
 
 void draw_figure(const std::filesystem::path& folder, const std::string& name,
                  const std::string& script) {
+  std::filesystem::create_directories(folder);
   write_file(folder / (name + ".gp"), script);
   const std::string command = fmt::format("cd '{}' && gnuplot '{}.gp'", folder.string(), name);
   if (std::system(command.c_str()) == 0) {

@@ -144,7 +144,7 @@ TEST_F(Hidden, OnlyTheEndOfTheTaskOrAReplayReveals) {
   RunState run;
   view.take(run);
   EXPECT_FALSE(view.may_reveal());
-  run.replay = ReplayState{.length_s = 10.0};
+  run.replay = ReplayState{.file = {}, .length_s = 10.0};
   view.take(run);
   EXPECT_TRUE(view.may_reveal());
 
