@@ -2,6 +2,7 @@
 #include "device_node/process.h"
 
 #include <atomic>
+#include <chrono>
 #include <optional>
 #include <utility>
 
@@ -21,6 +22,7 @@
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/identification/hands_off_check.h"
 #include "device_node/post_mortem.h"
+#include "device_node/release.h"
 #include "device_node/simulation/pointer_hold.h"
 #include "device_node/simulation/true_state_recorder.h"
 #include "device_node/suspend_watch.h"
@@ -156,17 +158,6 @@ DeviceConfig checked_config(const Session& session, NodeContext& context, Haptic
   return config;
 }
 
-/// At the end: repeated until the device confirms it.
-bool released_in_time(DeviceNode& node, Clock& clock) {
-  using namespace std::chrono_literals;
-  const TimePoint until = clock.now() + 500ms;
-  while (!node.stop()) {
-    if (clock.now() >= until) return false;
-    clock.sleep_until(clock.now() + 1ms);
-  }
-  return true;
-}
-
 }  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links) {
@@ -284,7 +275,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());
   });
-  const bool is_released = released_in_time(node, context.clock);
+  const bool is_released =
+      released_within(std::chrono::milliseconds(500), context.clock, [&] { return node.stop(); });
   counters.store(node.counters());
   if (!is_released) {
     context.log.error("event=release_unconfirmed remedy=\"{}\"", kReleaseUnconfirmedText);

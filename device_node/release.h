@@ -13,16 +13,22 @@ inline constexpr Duration kReleaseLimit = std::chrono::seconds(1);
 inline constexpr const char* kNotReleased =
     "its motors did not confirm their release within 1 s and may still push: cut their supply";
 
-/// Releases the motors until the device confirms it, for kReleaseLimit of `clock`'s time at most.
-/// Not for the tick: it waits.
+/// Calls `release` every millisecond until the device confirms it, for `limit` of `clock`'s time at
+/// most. Not for the tick: it waits.
 /// @return false: the device did not confirm it
-[[nodiscard]] inline bool release_for_certain(HapticDevice& device, Clock& clock) {
-  const TimePoint until = clock.now() + kReleaseLimit;
-  while (!device.release()) {
+template <class Release>
+[[nodiscard]] bool released_within(Duration limit, Clock& clock, const Release& release) {
+  const TimePoint until = clock.now() + limit;
+  while (!release()) {
     if (clock.now() >= until) return false;
     clock.sleep_until(clock.now() + std::chrono::milliseconds(1));
   }
   return true;
+}
+
+/// released_within() kReleaseLimit, of a device that no DeviceNode drives.
+[[nodiscard]] inline bool release_for_certain(HapticDevice& device, Clock& clock) {
+  return released_within(kReleaseLimit, clock, [&] { return device.release(); });
 }
 
 }  // namespace palpate::device

@@ -33,6 +33,10 @@ struct SurfaceMesh {
   std::vector<std::uint32_t> triangles;  ///< three indices each, counter-clockwise from outside
 
   [[nodiscard]] std::size_t vertex_count() const { return vertices_m.size() / 3; }
+  [[nodiscard]] Vector3 vertex_m(std::uint32_t index) const {
+    const float* at = vertices_m.data() + std::size_t{3} * index;
+    return {at[0], at[1], at[2]};
+  }
 };
 
 /// One tissue at rest: undeformed, and at the centre of its prescribed motion.

@@ -39,6 +39,8 @@ struct MeshTag {
 };
 /// A part of space, in W, or of the mesh.
 using RegionGeometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, MeshTag>;
+/// Whether a point lies in the part of space; never in a MeshTag, which only its mesh can tell.
+[[nodiscard]] bool contains(const RegionGeometry& region, const Vector3& point_m);
 
 /// An elastic solid on the tetrahedra of a mesh (docs/elastic.md).
 struct ElasticMaterial {

@@ -18,8 +18,8 @@
 
 #include "common/core/scene_messages.h"
 #include "common/session/task_config.h"
-#include "common/task/force_histogram.h"
 #include "common/task/hand_motion.h"
+#include "common/task/histogram.h"
 #include "common/task/score.h"
 #include "common/task/searched_surface.h"
 #include "common/telemetry/run_messages.h"

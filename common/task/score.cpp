@@ -8,17 +8,15 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/telemetry/summary.h"
+
 namespace palpate {
 namespace {
 
-nlohmann::ordered_json or_null(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-}
-
 nlohmann::ordered_json force_json(const ForceFigures& force) {
-  return {{"median_n", or_null(force.median_newton)},
-          {"p95_n", or_null(force.p95_newton)},
-          {"most_n", or_null(force.most_newton)},
+  return {{"median_n", number_or_null(force.median_newton)},
+          {"p95_n", number_or_null(force.p95_newton)},
+          {"most_n", number_or_null(force.most_newton)},
           {"touch_s", force.touch_s}};
 }
 
@@ -198,16 +196,16 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
   json["kind"] = score.is_search ? "palpation" : "free";
   json["end"] = kEnds[static_cast<std::size_t>(score.end)];
   json["time_s"] = score.time_s;
-  json["limit_s"] = or_null(score.limit_s);
+  json["limit_s"] = number_or_null(score.limit_s);
   if (score.is_search) {
     json["targets"] = nlohmann::ordered_json::array();
     for (const TargetScore& target : score.targets) {
       json["targets"].push_back({{"name", target.name},
                                  {"outcome", name(target.outcome)},
-                                 {"found_after_s", or_null(target.found_after_s)},
-                                 {"mark_distance_m", or_null(target.mark_distance_m)},
-                                 {"palpable_n", or_null(target.palpable_newton)},
-                                 {"contrast_ratio", or_null(target.contrast_ratio)},
+                                 {"found_after_s", number_or_null(target.found_after_s)},
+                                 {"mark_distance_m", number_or_null(target.mark_distance_m)},
+                                 {"palpable_n", number_or_null(target.palpable_newton)},
+                                 {"contrast_ratio", number_or_null(target.contrast_ratio)},
                                  {"force", force_json(target.force)}});
     }
     json["marks"] = nlohmann::ordered_json::array();
@@ -221,20 +219,20 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
     json["guessed"] = score.count(TargetScore::Outcome::kGuessed);
     json["missed"] = score.count(TargetScore::Outcome::kMissed);
     json["false_alarms"] = score.count(MarkScore::Outcome::kFalseAlarm);
-    json["coverage_ratio"] = or_null(score.coverage_ratio);
-    json["area_m2"] = or_null(score.area_m2);
-    json["least_force_n"] = or_null(score.least_force_newton);
+    json["coverage_ratio"] = number_or_null(score.coverage_ratio);
+    json["area_m2"] = number_or_null(score.area_m2);
+    json["least_force_n"] = number_or_null(score.least_force_newton);
     json["force_elsewhere"] = force_json(score.elsewhere);
-    json["depth_p95_m"] = or_null(score.depth_p95_m);
-    json["depth_most_m"] = or_null(score.depth_most_m);
+    json["depth_p95_m"] = number_or_null(score.depth_p95_m);
+    json["depth_most_m"] = number_or_null(score.depth_most_m);
   }
   json["force"] = force_json(score.force);
   json["path_m"] = score.path_m;
-  json["smoothness"] = or_null(score.smoothness);
-  json["most_force_n"] = or_null(score.most_force_newton);
-  json["overshoot_n"] = or_null(score.overshoot_newton);
-  json["beyond_s"] = or_null(score.beyond_s);
-  json["damage_n_s"] = or_null(score.damage_newton_s);
+  json["smoothness"] = number_or_null(score.smoothness);
+  json["most_force_n"] = number_or_null(score.most_force_newton);
+  json["overshoot_n"] = number_or_null(score.overshoot_newton);
+  json["beyond_s"] = number_or_null(score.beyond_s);
+  json["damage_n_s"] = number_or_null(score.damage_newton_s);
   json["ticks"] = score.ticks;
   json["missing_ticks"] = score.missing_ticks;
   json["missing_ratio"] = score.missing_ratio();

@@ -5,8 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <utility>
+
+#include "common/telemetry/csv_writer.h"
+#include "common/telemetry/summary.h"
 
 namespace palpate {
 namespace {
@@ -31,38 +35,21 @@ std::string share_text(const CountedShare& share) {
 }
 
 nlohmann::ordered_json share_json(const CountedShare& share) {
-  const auto or_null = [](double value) {
-    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-  };
   return {{"hits", share.hits},
           {"cases", share.cases},
-          {"ratio", or_null(share.ratio())},
-          {"low", or_null(share.low())},
-          {"high", or_null(share.high())}};
+          {"ratio", number_or_null(share.ratio())},
+          {"low", number_or_null(share.low())},
+          {"high", number_or_null(share.high())}};
 }
 
-std::string number(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "–";
-}
-
-/// In CSV: a field with a comma or a quote is quoted; an unknown number is empty, as in R's NA.
-std::string csv_text(const std::string& text) {
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"') quoted += '"';
-    quoted += c;
-  }
-  return quoted + '"';
-}
+/// In CSV; empty where it is not known, as R's NA.
 std::string csv_number(double value) {
   return std::isfinite(value) ? fmt::format("{:.9g}", value) : "";
 }
 
 /// The end of the path, which tells runs apart.
 std::string short_name(const std::string& run) {
-  const std::size_t slash = run.find_last_of('/');
-  return slash == std::string::npos ? run : run.substr(slash + 1);
+  return std::filesystem::path(run).filename().string();
 }
 
 std::string detection_text(const DetectionFigures& detection) {
@@ -111,9 +98,10 @@ std::string table_text(const std::vector<NamedScore>& scores) {
         short_name(one.run), width,
         fmt::format("{}/{}", s.count(TargetScore::Outcome::kFound), s.targets.size()),
         s.count(TargetScore::Outcome::kGuessed), s.count(MarkScore::Outcome::kFalseAlarm),
-        number(s.time_s, 1), number(100.0 * s.coverage_ratio, 1), number(s.force.median_newton, 2),
-        number(s.force.p95_newton, 2), number(s.force.most_newton, 2), number(s.path_m, 3),
-        number(s.overshoot_newton, 2), number(100.0 * s.missing_ratio(), 2));
+        figure(s.time_s, "{:.1f}"), figure(100.0 * s.coverage_ratio, "{:.1f}"),
+        figure(s.force.median_newton, "{:.2f}"), figure(s.force.p95_newton, "{:.2f}"),
+        figure(s.force.most_newton, "{:.2f}"), figure(s.path_m, "{:.3f}"),
+        figure(s.overshoot_newton, "{:.2f}"), figure(100.0 * s.missing_ratio(), "{:.2f}"));
   }
   return text + detection_text(detection_of(scores));
 }
@@ -158,7 +146,7 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
   for (const NamedScore& one : scores) {
     const TaskScore& s = one.score;
     csv +=
-        fmt::format("{},{},{},{},{},{},{},", csv_text(one.run), s.is_search ? "palpation" : "free",
+        fmt::format("{},{},{},{},{},{},{},", csv_cell(one.run), s.is_search ? "palpation" : "free",
                     s.targets.size(), s.count(TargetScore::Outcome::kFound),
                     s.count(TargetScore::Outcome::kGuessed), s.count(TargetScore::Outcome::kMissed),
                     s.count(MarkScore::Outcome::kFalseAlarm));

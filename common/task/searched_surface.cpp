@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <variant>
 
 namespace palpate {
 namespace {
@@ -19,24 +18,6 @@ double uniform(std::uint64_t number) {
   return static_cast<double>((z ^ (z >> 31U)) >> 11U) * 0x1p-53;
 }
 
-bool is_in(const RegionGeometry& area, const Vector3& place_m) {
-  if (const auto* plane = std::get_if<HalfSpaceGeometry>(&area)) {
-    return plane->normal.dot(place_m - plane->point_m) <= 0.0;
-  }
-  if (const auto* ball = std::get_if<SphereGeometry>(&area)) {
-    return (place_m - ball->center_m).norm() <= ball->radius_m;
-  }
-  if (const auto* box = std::get_if<BoxGeometry>(&area)) {
-    return ((place_m - box->center_m).cwiseAbs() - 0.5 * box->size_m).maxCoeff() <= 0.0;
-  }
-  return true;
-}
-
-Vector3 vertex_of(const SurfaceMesh& mesh, std::uint32_t index) {
-  const float* at = mesh.vertices_m.data() + std::size_t{3} * index;
-  return {at[0], at[1], at[2]};
-}
-
 }  // namespace
 
 SearchedSurface::SearchedSurface(const SurfaceMesh& mesh, const std::optional<RegionGeometry>& area,
@@ -45,9 +26,9 @@ SearchedSurface::SearchedSurface(const SurfaceMesh& mesh, const std::optional<Re
   std::vector<std::array<Vector3, 3>> triangles;
   double whole_m2 = 0.0;
   for (std::size_t i = 0; i + 2 < mesh.triangles.size(); i += 3) {
-    const std::array<Vector3, 3> corners{vertex_of(mesh, mesh.triangles[i]),
-                                         vertex_of(mesh, mesh.triangles[i + 1]),
-                                         vertex_of(mesh, mesh.triangles[i + 2])};
+    const std::array<Vector3, 3> corners{mesh.vertex_m(mesh.triangles[i]),
+                                         mesh.vertex_m(mesh.triangles[i + 1]),
+                                         mesh.vertex_m(mesh.triangles[i + 2])};
     const Vector3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     if (!(normal.norm() > 0.0)) continue;
     triangles.push_back(corners);
@@ -80,7 +61,7 @@ void SearchedSurface::sample(std::uint32_t triangle, const std::array<Vector3, 3
     }
     const Vector3 place_m = corners[0] + ((u + side * a) * along + (v + side * b) * across) /
                                              static_cast<double>(parts);
-    const bool is_searched_for = !area || is_in(*area, place_m);
+    const bool is_searched_for = !area || contains(*area, place_m);
     points_.push_back({.place_m = {static_cast<float>(place_m.x()), static_cast<float>(place_m.y()),
                                    static_cast<float>(place_m.z())},
                        .triangle = triangle,

@@ -59,6 +59,17 @@ bool has_force_of_physics(const MofcTick& mofc) {
 
 }  // namespace
 
+std::string csv_cell(const std::string& text) {
+  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
+  std::string cell(1, '"');
+  for (const char c : text) {
+    if (c == '"') cell += '"';
+    cell += c;
+  }
+  cell += '"';
+  return cell;
+}
+
 std::string csv_file_of(const std::string& file, const std::string& side) {
   if (side.empty()) return file;
   if (file == kStandardOutput) {

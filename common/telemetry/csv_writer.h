@@ -15,6 +15,9 @@ namespace palpate {
 /// "run.csv"; for a side "run.left.csv". Throws SetupError for a side and standard output.
 [[nodiscard]] std::string csv_file_of(const std::string& file, const std::string& side);
 
+/// A text as a cell of CSV: quoted where it has a comma, a quote or a line break.
+[[nodiscard]] std::string csv_cell(const std::string& text);
+
 /// Columns, in this order; SI units, forces on the hand, nan where a value is unknown:
 ///
 ///   t_s                  t_k, clock of the device

@@ -9,19 +9,10 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "common/telemetry/csv_writer.h"
+
 namespace palpate::campaign {
 namespace {
-
-std::string csv_cell(const std::string& text) {
-  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  std::string cell(1, '"');
-  for (const char c : text) {
-    if (c == '"') cell += '"';
-    cell += c;
-  }
-  cell += '"';
-  return cell;
-}
 
 /// A number as a number, so that programs need not convert it.
 nlohmann::ordered_json json_value(const std::string& label) {

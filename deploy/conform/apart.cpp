@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
@@ -74,8 +75,11 @@ class Forwarding {
   [[nodiscard]] static int stop() { return stop_of_this; }
 
  private:
-  static constexpr std::array kSignals{SIGUSR2, SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP};
-  static_assert(kSignals.size() == kDeviceStopSignals.size() + 1);
+  static constexpr auto kSignals = [] {
+    std::array<int, kDeviceStopSignals.size() + 1> all{SIGUSR2};
+    std::copy(kDeviceStopSignals.begin(), kDeviceStopSignals.end(), all.begin() + 1);
+    return all;
+  }();
 
   std::array<struct sigaction, kSignals.size()> before_{};
   sigset_t mask_before_{};

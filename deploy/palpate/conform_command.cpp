@@ -68,8 +68,7 @@ void add_output_options(CLI::App& app, OutputOptions& output) {
   add_overwrite_flag(app, output.may_overwrite);
   app.footer(
       "Exit status: 0 if all is good, 1 if something falls short or the machine is too busy to "
-      "judge "
-      "it, 2 if it cannot be tried.");
+      "judge it, 2 if it cannot be tried.");
 }
 
 struct ConformPhysics {

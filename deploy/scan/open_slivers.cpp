@@ -2,13 +2,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <numbers>
 #include <vector>
 
+#include "deploy/scan/organ_mesh.h"
 #include "deploy/scan/stuffing.h"
 #include "physics_node/elastic/mesh.h"
 
@@ -37,15 +37,8 @@ Vector3 twice_area(const TetrahedralMesh& mesh, const std::array<std::uint32_t, 
 /// Between two faces of an element; 0 if it is inside out.
 double least_angle_rad(const TetrahedralMesh& mesh, std::size_t element) {
   if (!(physics::six_volumes_m3(mesh.nodes_m, mesh.tetrahedra[element]) > 0.0)) return 0.0;
-  std::array<Vector3, 4> outward;
-  for (std::size_t k = 0; k < 4; ++k) {
-    outward[k] = twice_area(mesh, face_of(mesh, element, k)).normalized();
-  }
-  double most = -1.0;  // of the cosines between the outward normals and those of the other face
-  for (std::size_t a = 0; a < 4; ++a) {
-    for (std::size_t b = a + 1; b < 4; ++b) most = std::max(most, -outward[a].dot(outward[b]));
-  }
-  return std::acos(std::clamp(most, -1.0, 1.0));
+  const std::array<double, 6> angles_rad = face_angles_rad(mesh, element);
+  return *std::min_element(angles_rad.begin(), angles_rad.end());
 }
 
 class Opener {

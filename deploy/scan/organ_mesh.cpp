@@ -178,28 +178,37 @@ class Mesher {
 
 }  // namespace
 
+std::array<double, 6> face_angles_rad(const physics::TetrahedralMesh& mesh, std::size_t element) {
+  const auto& corners = mesh.tetrahedra[element];
+  std::array<Vector3, 4> outward;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const auto at = [&](std::size_t i) {
+      return mesh.nodes_m[corners[static_cast<std::size_t>(elastic::kFaces[k][i])]];
+    };
+    outward[k] = (at(1) - at(0)).cross(at(2) - at(0)).normalized();
+  }
+  std::array<double, 6> angles_rad{};
+  std::size_t count = 0;
+  for (std::size_t a = 0; a < 4; ++a) {
+    for (std::size_t b = a + 1; b < 4; ++b) {
+      angles_rad[count++] =
+          std::numbers::pi - std::acos(std::clamp(outward[a].dot(outward[b]), -1.0, 1.0));
+    }
+  }
+  return angles_rad;
+}
+
 FaceAngles face_angles_of(const physics::TetrahedralMesh& mesh) {
   FaceAngles angles{.least_rad = std::numbers::pi};
   constexpr double kDegrees = 180.0 / std::numbers::pi;
-  for (const auto& corners : mesh.tetrahedra) {
-    std::array<Vector3, 4> outward;
-    for (std::size_t k = 0; k < 4; ++k) {
-      const auto at = [&](std::size_t i) {
-        return mesh.nodes_m[corners[static_cast<std::size_t>(elastic::kFaces[k][i])]];
-      };
-      outward[k] = (at(1) - at(0)).cross(at(2) - at(0)).normalized();
-    }
+  for (std::size_t e = 0; e < mesh.tetrahedra.size(); ++e) {
     bool is_sliver = false;
-    for (std::size_t a = 0; a < 4; ++a) {
-      for (std::size_t b = a + 1; b < 4; ++b) {
-        const double angle =
-            std::numbers::pi - std::acos(std::clamp(outward[a].dot(outward[b]), -1.0, 1.0));
-        angles.least_rad = std::min(angles.least_rad, angle);
-        angles.largest_rad = std::max(angles.largest_rad, angle);
-        ++angles.histogram[std::min<std::size_t>(
-            17, static_cast<std::size_t>(kDegrees * angle / 10.0))];
-        is_sliver = is_sliver || kDegrees * angle < kSliverAngle_degrees;
-      }
+    for (const double angle : face_angles_rad(mesh, e)) {
+      angles.least_rad = std::min(angles.least_rad, angle);
+      angles.largest_rad = std::max(angles.largest_rad, angle);
+      ++angles.histogram[std::min<std::size_t>(17,
+                                               static_cast<std::size_t>(kDegrees * angle / 10.0))];
+      is_sliver = is_sliver || kDegrees * angle < kSliverAngle_degrees;
     }
     if (is_sliver) ++angles.slivers;
   }

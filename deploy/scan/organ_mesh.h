@@ -24,6 +24,9 @@ struct FaceAngles {
   std::size_t slivers = 0;                    ///< elements with an angle below kSliverAngle_degrees
 };
 inline constexpr double kSliverAngle_degrees = 5.0;
+/// Of one element [rad].
+[[nodiscard]] std::array<double, 6> face_angles_rad(const physics::TetrahedralMesh& mesh,
+                                                    std::size_t element);
 [[nodiscard]] FaceAngles face_angles_of(const physics::TetrahedralMesh& mesh);
 
 struct OrganMeshing {

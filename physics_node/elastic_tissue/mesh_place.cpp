@@ -69,20 +69,7 @@ bool MeshPlace::has_face(const elastic::Face& face) const {
 }
 
 bool MeshPlace::is_within(const Vector3& point_m) const {
-  struct Inside {
-    const Vector3& point_m;
-    bool operator()(const HalfSpaceGeometry& h) const {
-      return h.normal.dot(point_m - h.point_m) <= 0.0;
-    }
-    bool operator()(const SphereGeometry& s) const {
-      return (point_m - s.center_m).norm() <= s.radius_m;
-    }
-    bool operator()(const BoxGeometry& b) const {
-      return ((point_m - b.center_m).cwiseAbs().array() <= 0.5 * b.size_m.array()).all();
-    }
-    bool operator()(const MeshTag& /*tag*/) const { return false; }
-  };
-  if (std::visit(Inside{point_m}, place_)) return true;
+  if (contains(place_, point_m)) return true;
   if (nodes_in_.empty()) return false;
   const Cell center = cell_of(point_m);
   for (int i = 0; i < 27; ++i) {

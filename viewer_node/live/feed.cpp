@@ -118,10 +118,12 @@ void WebFeed::pump(TimePoint now) {
   hand_.pump(now);
   run_.pump(now);
   log_.pump(now);
-  ViewerHealth own{
-      .hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()};
-  if (task_ != nullptr) own.task = task_->state();
-  health_.pump(now, std::move(own));
+  health_.pump(now, [&] {
+    ViewerHealth own{
+        .hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()};
+    if (task_ != nullptr) own.task = task_->state();
+    return own;
+  });
   foxglove_.pump(now);
 }
 

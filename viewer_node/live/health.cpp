@@ -30,12 +30,12 @@ WebHealth::WebHealth(const Session& session, std::span<const TelemetryMirror> mi
       metrics_(session),
       figures_(session.sides.size()) {}
 
-void WebHealth::pump(TimePoint now, ViewerHealth own) {
+void WebHealth::pump(TimePoint now, const std::function<ViewerHealth()>& own) {
   if (now < next_) return;
   next_ = now + kInterval;
 
   const WebServer::Counters counters = server_.counters();
-  ViewerHealth& health = own;
+  ViewerHealth health = own();
   health.clients = counters.clients;
   health.messages_dropped = counters.dropped;
   health.frames_rejected = subscriber_.rejected();

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -35,8 +36,10 @@ class WebHealth {
     figures_[side].add(batch);
   }
   /// Five times a second: publishes /health, updates /metrics, and logs nodes that start or stop
-  /// sending. @param own  what this viewer knows: hand_holder, recorder, run
-  void pump(TimePoint now, ViewerHealth own);
+  /// sending. @param own  what this viewer knows (hand_holder, recorder, run, task), asked when it
+  /// is
+  ///     due
+  void pump(TimePoint now, const std::function<ViewerHealth()>& own);
   /// Logs the verdict on each side: the last word of this viewer.
   void tell_verdicts();
 

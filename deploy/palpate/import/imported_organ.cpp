@@ -395,8 +395,7 @@ class Import {
     if (is_linear()) {
       text += text_of(
           "  more than %zu tetrahedra: as linear elements, which are a few percent too stiff; "
-          "fewer "
-          "are quadratic, and truer\n",
+          "fewer are quadratic, and truer\n",
           kMostQuadratic);
     }
     if (organ_.lost_m3 > 0.0)

@@ -37,19 +37,6 @@ std::string refusal(const Session& session, const std::string& what) {
   return session.file + ": " + what;
 }
 
-bool is_in(const RegionGeometry& area, const Vector3& place_m) {
-  if (const auto* plane = std::get_if<HalfSpaceGeometry>(&area)) {
-    return plane->normal.dot(place_m - plane->point_m) <= 0.0;
-  }
-  if (const auto* ball = std::get_if<SphereGeometry>(&area)) {
-    return (place_m - ball->center_m).norm() <= ball->radius_m;
-  }
-  if (const auto* box = std::get_if<BoxGeometry>(&area)) {
-    return ((place_m - box->center_m).cwiseAbs() - 0.5 * box->size_m).maxCoeff() <= 0.0;
-  }
-  return true;
-}
-
 std::size_t elements_in(const elastic::Mesh& mesh, const Vector3& center_m, double radius_m) {
   std::size_t count = 0;
   for (std::size_t e = 0; e < mesh.element_count(); ++e) {
@@ -81,14 +68,11 @@ RandomTask::RandomTask(const Session& session) : session_(session) {
     throw SetupError(refusal(session, "has targets already; take task.palpation.target out of it"));
   }
   const SurfaceMesh mesh = lockstep_scene(session).tissues.at(task_->tissue).mesh;
-  const auto vertex = [&](std::uint32_t index) {
-    const float* at = mesh.vertices_m.data() + std::size_t{3} * index;
-    return Vector3(at[0], at[1], at[2]);
-  };
   double area_m2 = 0.0;
   for (std::size_t i = 0; i + 2 < mesh.triangles.size(); i += 3) {
-    const std::array<Vector3, 3> corners{vertex(mesh.triangles[i]), vertex(mesh.triangles[i + 1]),
-                                         vertex(mesh.triangles[i + 2])};
+    const std::array<Vector3, 3> corners{mesh.vertex_m(mesh.triangles[i]),
+                                         mesh.vertex_m(mesh.triangles[i + 1]),
+                                         mesh.vertex_m(mesh.triangles[i + 2])};
     area_m2 += 0.5 * (corners[1] - corners[0]).cross(corners[2] - corners[0]).norm();
     triangles_.push_back(corners);
     area_until_m2_.push_back(area_m2);
@@ -177,7 +161,7 @@ std::vector<Lesion> RandomTask::placed(const LesionRanges& ranges, const physics
         .young_pa = young_pa * in(ranges.stiffness_ratio),
         .above_m = corners[0] + a * (corners[1] - corners[0]) + b * (corners[2] - corners[0])};
     lesion.center_m = lesion.above_m - (lesion.depth_m + lesion.radius_m) * normal;
-    if (task_->area && !is_in(*task_->area, lesion.above_m)) continue;
+    if (task_->area && !contains(*task_->area, lesion.above_m)) continue;
     const double inside_m = -body.shape.view(lesion.center_m).distance_m;
     if (inside_m < lesion.radius_m + std::min(lesion.depth_m, kWall_m)) continue;
     if (elements_in(body.body->mesh(), lesion.center_m, lesion.radius_m) < kLeastElements) continue;

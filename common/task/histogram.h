@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// force_histogram.h — percentiles of a quantity over the ticks of a run, in bounded memory.
+// histogram.h — percentiles of a quantity over the ticks of a run, in bounded memory.
 #pragma once
 
 #include <algorithm>
