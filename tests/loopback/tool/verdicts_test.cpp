@@ -125,7 +125,7 @@ json by_page(const TroubledRun& run, const std::vector<TelemetryMessage>& messag
         },
         message);
   }
-  health.pump(received_at(), {});
+  health.pump(received_at(), [] { return ViewerHealth{}; });
   test::WebClient client(server.port());
   client.send_raw("GET /verdict HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   const std::string answer = client.read_to_end();
