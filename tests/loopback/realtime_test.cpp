@@ -165,7 +165,8 @@ TEST_P(RealTime, AViewerThatComesLateSeesTheFiguresWithinASecond) {
 
   EXPECT_TRUE(late.until([&] {
     const viewer::TelemetryFigures figures = late.mirror().figures();
-    return late.sees_all_nodes() && figures.is_in_contact &&
+    return late.sees_all_nodes() && figures.is_in_contact && figures.tick_rate_hz > 0.0 &&
+           figures.physics_rate_hz > 0.0 &&
            figures.max_applied_newton > test::kRestingNewton - test::kStictionNewton;
   }));
   const Duration took = clock.now() - came_at;
@@ -173,9 +174,6 @@ TEST_P(RealTime, AViewerThatComesLateSeesTheFiguresWithinASecond) {
     EXPECT_LT(took, 1s);
   }
   EXPECT_GT(late.mirror().ticks().begin()->first, 0u) << "was not late";
-  const viewer::TelemetryFigures figures = late.mirror().figures();
-  EXPECT_GT(figures.tick_rate_hz, 0.0);
-  EXPECT_GT(figures.physics_rate_hz, 0.0);
 }
 
 TEST_P(RealTime, TwoViewersSeeTheSame) {

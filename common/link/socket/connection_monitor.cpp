@@ -244,14 +244,15 @@ void ConnectionMonitor::take_event(Monitor& monitor, std::uint16_t event, std::u
   monitor.is_counted = true;
 }
 
-/// Once the socket has been read empty, a connection holds one incomplete frame at most, and what
-/// the kernel has not delivered. The parts of an incomplete message are neither readable nor
-/// counted by libzmq's queue limit. So the connection that holds most is ended if all together
-/// exceed the limit.
+/// Once the socket has been read empty, a connection holds of what came before one incomplete frame
+/// at most, and what the kernel has not delivered. The parts of an incomplete message are neither
+/// readable nor counted by libzmq's queue limit. So the connection that holds most is ended if all
+/// together exceed the limit. What has come since the last test may have come after the reading.
 void ConnectionMonitor::limit_traffic(Monitor& monitor) {
   const std::uint32_t emptied = monitor.shared->emptied.load(kRelaxed);
   const bool is_empty = std::exchange(monitor.emptied, emptied) != emptied;
   std::int64_t unread_bytes = 0;
+  std::int64_t earlier_bytes = 0;  // of these, what had come by the last test
   std::pair<std::int64_t, int> most{0, -1};
   for (auto& [descriptor, connection] : monitor.connections) {
     const auto bytes = bytes_received(descriptor);
@@ -264,15 +265,19 @@ void ConnectionMonitor::limit_traffic(Monitor& monitor) {
     if (std::exchange(connection.read, read) != read || *bytes < before) {
       connection.unread_bytes = 0;
     } else {
+      earlier_bytes += connection.unread_bytes;
       connection.unread_bytes += static_cast<std::int64_t>(*bytes - before);
     }
     unread_bytes += connection.unread_bytes;
     most = std::max(most, {connection.unread_bytes, descriptor});
   }
-  const std::int64_t limit = is_empty || monitor.what.is_never_read
-                                 ? monitor.what.most_unread_bytes
-                                 : monitor.what.most_queued_bytes;
-  if (unread_bytes <= limit) return;
+  const std::int64_t incomplete_bytes = monitor.what.is_never_read ? unread_bytes
+                                        : is_empty                 ? earlier_bytes
+                                                                   : 0;
+  if (incomplete_bytes <= monitor.what.most_unread_bytes &&
+      unread_bytes <= monitor.what.most_queued_bytes) {
+    return;
+  }
   shutdown(most.second, SHUT_RDWR);
   refused_.count(monitor.what.link, Refusal::kTooMuch, "");
 }

@@ -11,6 +11,7 @@
 
 #include "common/link/exchange_client.h"
 #include "common/link/exchange_server.h"
+#include "common/link/socket/connection_monitor.h"
 #include "tests/loopback/links/link_fixture.h"
 
 namespace palpate::test {
@@ -66,6 +67,28 @@ TEST_P(ExchangeLinkSocket, SendingIsThrottledWhileNothingIsAnswered) {
   ASSERT_TRUE(receive(device, command));
   for (std::uint64_t i = 1024; i < 1032; ++i) {
     EXPECT_EQ(device.send(state(1, i)), SendResult::kSent);
+  }
+}
+
+// What comes just after the socket was read empty, and waits until the reader has time, is no
+// flood.
+TEST_F(ExchangeLink, ABacklogThatComesAtOnceEndsNoConnection) {
+  ExchangeServer mofc(context_, clock_, bind_to(fresh_endpoint(Transport::kTcp), "links.exchange"));
+  ExchangeClient device(context_, clock_, connect_to(mofc.endpoint(), "links.exchange"));
+  ASSERT_TRUE(device.wait_for_peer(kPatience));
+  DeviceState received;
+  TimePoint at;
+  for (std::uint64_t round = 0; round < 10; ++round) {
+    EXPECT_FALSE(mofc.receive(received, at));
+    for (std::uint64_t i = 0; i < 200; ++i) {  // of 2 kB
+      ASSERT_EQ(device.send(state(1, 200 * round + i)), SendResult::kSent);
+    }
+    std::this_thread::sleep_for(3 * kTrafficInterval);
+    for (int i = 0; i < 200; ++i) ASSERT_TRUE(receive(mofc, received)) << round << ", " << i;
+    const auto answer = random_message<ForceCommand>(random_);
+    ASSERT_EQ(mofc.send(answer), SendResult::kSent) << round;
+    ForceCommand command;
+    ASSERT_TRUE(receive(device, command)) << round;
   }
 }
 
