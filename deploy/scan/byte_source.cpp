@@ -98,8 +98,7 @@ void ByteSource::read(std::span<char> into) {
     const std::size_t count = some(into);
     if (count == 0) {
       throw SetupError(name_ + ": ends " + std::to_string(into.size()) +
-                       " bytes or more before the voxels that its header announces; copy or "
-                       "download the file again");
+                       " bytes or more too early; copy or download the file again");
     }
     into = into.subspan(count);
   }

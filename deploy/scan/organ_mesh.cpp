@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kVolumeError = 1e-3;
 constexpr double kLargestLevel = 0.6;  // of a field of −1 … 1
+constexpr double kLeastCell = 0.2;     // of a voxel: smaller ones do not bring back what is gone
 constexpr int kCoarsest = 2;
 // A lobe is at least so many of the cubes at its surface thick.
 constexpr double kCellsThick = 1.25;
@@ -308,10 +309,16 @@ OrganMesh organ_mesh_of(const LabelMap& map, std::vector<Region> regions,
     const bool is_last = meshing.cell_m || (ratio <= 1.0 && (ratio > 0.75 || i > 8));
     if (is_last) break;
     if (made.tetrahedra.empty()) {
+      if (cell_m < kLeastCell * spacing_m) break;
       cell_m *= 0.7;
     } else {
       cell_m *= std::clamp(std::pow(ratio / 0.9, 1.0 / 2.6), 0.5, 2.0);
     }
+  }
+  if (made.tetrahedra.empty() && cell_m < kLeastCell * spacing_m) {
+    throw SetupError(
+        "the body is as thin as its voxels, and smoothing leaves nothing of it; resample the "
+        "segmentation to smaller voxels, or choose more labels");
   }
   if (made.tetrahedra.empty()) {
     throw SetupError(

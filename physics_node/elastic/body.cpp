@@ -75,6 +75,10 @@ void check(const BodyDescription& body) {
   require(std::all_of(body.fixed_nodes.begin(), body.fixed_nodes.end(),
                       [&](std::uint32_t node) { return node < nodes; }),
           "a fixed node does not exist");
+  require(body.more_load_newton.size() == 0 ||
+              (body.more_load_newton.size() == 3 * static_cast<Eigen::Index>(nodes) &&
+               body.more_load_newton.allFinite()),
+          "more_load_newton must be 3 finite numbers for each node");
 }
 
 // ∂yₖ/∂xₐ of a quadratic element's point: the rest of the chain is F = Σ yₖ ⊗ ∇Lₖ.
@@ -149,7 +153,8 @@ Body::Body(BodyDescription description, const Body* alike) : description_(std::m
   mass_kg_ = VectorXd::Zero(nodes);
   mass_damping_ = VectorXd::Zero(nodes);
   const bool has_gravity = !description_.gravity_m_per_s2.isZero(0.0);
-  if (has_gravity) load_ = VectorXd::Zero(3 * nodes);
+  load_ = description_.more_load_newton;
+  if (has_gravity && load_.size() == 0) load_ = VectorXd::Zero(3 * nodes);
   for (std::size_t e = 0; e < mesh.element_count(); ++e) {
     const auto t = mesh.element(e);
     const Material& material = description_.materials[mesh.regions.empty() ? 0 : mesh.regions[e]];

@@ -29,6 +29,8 @@ struct BodyDescription {
   Law law = Law::kCorotational;
   std::vector<std::uint32_t> fixed_nodes;
   Vector3d gravity_m_per_s2 = Vector3d::Zero();
+  /// Besides gravity, the same wherever the body is, 3 per node [N]. Empty: none.
+  VectorXd more_load_newton = {};
   /// Of all materials, whose moduli are those at rest; shares sum to less than 1.
   std::vector<Branch> branches = {};
   std::vector<Attachment> attachments = {};  ///< of ligaments; one or more per node
@@ -58,7 +60,7 @@ class Body {
   [[nodiscard]] const VectorXd& mass_kg() const noexcept { return mass_kg_; }
   /// α times mass, per node [kg/s].
   [[nodiscard]] const VectorXd& mass_damping_kg_per_s() const noexcept { return mass_damping_; }
-  /// Gravity, consistent with the shape functions [N]. Empty without gravity.
+  /// Gravity, consistent with the shape functions, and more_load_newton [N]. Empty without both.
   [[nodiscard]] const VectorXd& load_newton() const noexcept { return load_; }
   [[nodiscard]] bool is_viscous() const noexcept { return is_viscous_; }
   [[nodiscard]] bool has_mass_damping() const noexcept { return has_mass_damping_; }

@@ -277,6 +277,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   if (!material.scan_gravity_m_per_s2.isZero(0.0)) {
     unloaded = unloaded_shape(description, material.scan_gravity_m_per_s2, name);
     description.mesh = unloaded->mesh;
+    description.more_load_newton = unloaded->more_load_newton;
   }
 
   auto made = std::make_shared<ElasticBody>(ElasticBody{

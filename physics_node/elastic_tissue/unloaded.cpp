@@ -15,6 +15,7 @@ constexpr double kNear_m = 1e-5;  // of a corner from its place, under load
 constexpr int kMostSolutions = 60;
 constexpr std::size_t kMemory = 5;  // of Anderson's mixing
 constexpr int kMostHalvings = 6;
+constexpr SearchLimits kLimits{.tolerance_m = 1e-7, .most_iterations = 1000, .slow_iterations = 8};
 
 std::vector<char> corners_of(const Mesh& mesh) {
   std::vector<char> is_corner(mesh.nodes_m.size(), 0);
@@ -42,6 +43,22 @@ void move_to(const VectorXd& corners_m, const std::vector<char>& is_corner, Mesh
   }
 }
 
+/// With all of its load, from where it rests under gravity alone: so that only a stable shape is
+/// found.
+void settle(const VectorXd& given, BodyDescription loaded, const Body& alike,
+            UnloadedShape& shape) {
+  loaded.mesh = shape.mesh;
+  loaded.more_load_newton = shape.more_load_newton;
+  const Body body(std::move(loaded), &alike);
+  EquilibriumSearch search(body);
+  WarpedFactor factor(body, Precision::kDouble);
+  const SearchReport report = find_rest(search, factor, nullptr, kLimits, shape.loaded_m);
+  shape.is_converged = report.is_finite && report.is_converged;
+  for (Eigen::Index i = 0; i < given.size(); i += 3) {
+    shape.away_m = std::max(shape.away_m, (given - shape.loaded_m).segment<3>(i).norm());
+  }
+}
+
 }  // namespace
 
 UnloadedShape find_unloaded_shape(const BodyDescription& loaded) {
@@ -60,19 +77,17 @@ UnloadedShape find_unloaded_shape(const BodyDescription& loaded) {
     for (const std::uint32_t node : loaded.fixed_nodes) {
       x.segment<3>(3 * Eigen::Index{node}) = body->rest_m().segment<3>(3 * Eigen::Index{node});
     }
-    const SearchReport report =
-        find_rest(search, factor, nullptr,
-                  {.tolerance_m = 1e-7, .most_iterations = 1000, .slow_iterations = 8}, x);
+    const SearchReport report = find_rest(search, factor, nullptr, kLimits, x);
     if (!report.is_finite || !report.is_converged) return shape;
     VectorXd gap = given - x;
     for (std::size_t i = 0; i < is_corner.size(); ++i) {
-      const auto at = 3 * static_cast<Eigen::Index>(i);
-      shape.away_m = std::max(i == 0 ? 0.0 : shape.away_m, gap.segment<3>(at).norm());
-      if (is_corner[i] == 0) gap.segment<3>(at).setZero();
+      if (is_corner[i] == 0) gap.segment<3>(3 * static_cast<Eigen::Index>(i)).setZero();
     }
     if (gap.cwiseAbs().maxCoeff() < kNear_m) {
-      shape.is_converged = true;
+      search.evaluate({}, given);
+      shape.more_load_newton = search.gradient();
       shape.loaded_m = x;
+      settle(given, loaded, *body, shape);
       return shape;
     }
     places.push_back(unloaded);

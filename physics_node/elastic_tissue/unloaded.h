@@ -9,10 +9,10 @@ namespace palpate::elastic {
 struct UnloadedShape {
   Mesh mesh;          ///< without load; where it is held as in the loaded one
   VectorXd loaded_m;  ///< where it rests under the load
-  /// Largest distance of a node there from its place in the given mesh. Corners of elements are
-  /// within a hundredth of a millimetre; the middle of an edge is farther where the edge bends,
-  /// because the edges of the mesh without load are straight.
-  double away_m = 0.0;
+  /// To be added to the load, 3 per node [N]: edges of the mesh without load are straight, so that
+  /// some would bend under gravity, their middles by a millimetre; this keeps them straight.
+  VectorXd more_load_newton;
+  double away_m = 0.0;  ///< largest distance of a node at rest from its place in the given mesh
   int solutions = 0;
   bool is_converged = false;
 };

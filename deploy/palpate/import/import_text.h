@@ -20,4 +20,16 @@ namespace palpate {
   return text;
 }
 
+/// The first characters of a name (UTF-8), filled with spaces to as many.
+inline std::string column(const std::string& name, std::size_t characters) {
+  std::string text;
+  std::size_t count = 0;
+  for (const char c : name) {
+    const bool is_first = (static_cast<unsigned char>(c) & 0xc0U) != 0x80;
+    if (is_first && count++ == characters) return text;
+    text += c;
+  }
+  return text.append(characters - count, ' ');
+}
+
 }  // namespace palpate

@@ -30,6 +30,8 @@ constexpr std::uint64_t kManyVoxels = 5000;
 constexpr std::size_t kMostLabels = 1000;
 // Quadratic elements of more have so many nodes that a body takes minutes and gigabytes.
 constexpr std::size_t kMostQuadratic = 20'000;
+constexpr double kLeastBody_m = 0.001;
+constexpr double kLargestBody_m = 5.0;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
@@ -188,6 +190,13 @@ class Import {
     moved_m_ = -Vector3(site.top_m.x(), site.top_m.y(), column.top_m);
     for (Vector3& node_m : organ_.mesh.nodes_m) node_m += moved_m_;
     bounds_ = bounds_of(organ_.mesh.nodes_m);
+    const double extent_m = (bounds_.highest_m - bounds_.lowest_m).norm();
+    if (!(extent_m >= kLeastBody_m && extent_m <= kLargestBody_m)) {
+      throw SetupError(
+          file_ + text_of(": the body is %.3g mm large: must be 1 mm to 5 m; check the unit of the "
+                          "voxels in the file, and the labels",
+                          1e3 * extent_m));
+    }
     target_m_ = site.centre_m + moved_m_;
   }
 
@@ -352,8 +361,10 @@ class Import {
   /// What the hand presses: a fifth of the thickness, at most 8 mm.
   [[nodiscard]] double press_m() const { return std::min(0.008, 0.2 * thickness_m_); }
 
-  [[nodiscard]] const char* warning_of(const scan::Region& region, double error) const {
-    const bool matters = is_in(lesions_, region.segment) || is_in(fixed_, region.segment);
+  [[nodiscard]] const char* warning_of(std::size_t r, double error) const {
+    const scan::Region& region = organ_.regions[r];
+    const bool matters =
+        r == base_ || is_in(lesions_, region.segment) || is_in(fixed_, region.segment);
     if (region.elements == 0) return "  WARNING: nothing of it is in the mesh";
     if (matters && std::abs(error) > 10.0)
       return "  WARNING: more than 10 %; give more --tetrahedra or a smaller --cell-mm";
@@ -378,10 +389,10 @@ class Import {
       const double error =
           region.voxels_m3 > 0.0 ? 100.0 * (region.mesh_m3 / region.voxels_m3 - 1.0) : 0.0;
       text +=
-          text_of("  %-28.28s %8llu %8llu %11.3f %11.3f %+7.2f %% %10zu%s\n", name_of(r).c_str(),
-                  static_cast<unsigned long long>(region.voxels),
+          text_of("  %s %8llu %8llu %11.3f %11.3f %+7.2f %% %10zu%s\n",
+                  column(name_of(r), 28).c_str(), static_cast<unsigned long long>(region.voxels),
                   static_cast<unsigned long long>(region.dropped_voxels), 1e6 * region.voxels_m3,
-                  1e6 * region.mesh_m3, error, region.elements, warning_of(region, error));
+                  1e6 * region.mesh_m3, error, region.elements, warning_of(r, error));
     }
     text += "  dropped: voxels that are not connected to the largest part by faces\n";
 
@@ -441,7 +452,7 @@ class Import {
     text += "\nMaterials: proposals, to be confirmed or edited in session.txtpb\n";
     for (std::size_t r = 0; r < chosen_.size(); ++r) {
       if (organ_.regions[r].elements == 0) continue;
-      text += text_of("  %-28.28s %8.4g kPa  %s%s%s\n", name_of(r).c_str(),
+      text += text_of("  %s %8.4g kPa  %s%s%s\n", column(name_of(r), 28).c_str(),
                       1e-3 * chosen_[r].young_pa, chosen_[r].source == nullptr ? "WARNING: " : "",
                       source_of(chosen_[r]).c_str(), r == base_ ? " (of the body)" : "");
     }
