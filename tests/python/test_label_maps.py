@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from support import BIN, TestCase
+import palpate as client
+from support import BIN, PATIENT, TestCase, recorded, until
 
 try:
     import nibabel
@@ -235,6 +236,37 @@ class Nrrd(Imported):
         self.assertEqual(listed(file)[2], len(lesion))
         # 20 mm to the patient's left, 12 mm to the front, 5 mm to the head
         np.testing.assert_allclose(apply_affine(self.affine(nrrd), lesion).mean(0), [-20, 12, 5], atol=0.5)
+
+
+class Launched(TestCase):
+    def test_an_imported_organ_is_felt_and_gives_way(self) -> None:
+        labels = self.folder / "organ.seg.nrrd"
+        organ = self.folder / "organ"
+        palpate("make-organ", "--labels", labels, "--voxel-mm", 3, 3, 3)
+        palpate("import", labels, "-o", organ, "--tetrahedra", 1000, "--quiet")
+        record = self.folder / "run.mcap"
+        with self.running(
+            "palpate", "launch", organ / "session.txtpb", *PATIENT, "--no-realtime", "--no-viewer",
+            "--record", record
+        ) as launch:
+            self.assertTrue(until(lambda: self.largest_way_m(record) > 0.002), launch.err)
+            self.assertEqual(launch.stop(), 0, launch.err)
+        newton = client.Recording(record).columns("device")["force_on_hand_newton"]
+        self.assertGreater(np.linalg.norm(newton, axis=1).max(), 0.1)
+
+    @staticmethod
+    def largest_way_m(record: Path) -> float:
+        """Of a corner of the drawn surface from where it is at rest."""
+        scenes = recorded(record, "scene_state")
+        if not scenes:
+            return 0.0
+        rest_m = np.frombuffer(scenes[0].tissues[0].vertices_m, "<f4").reshape(-1, 3)
+        largest_m = 0.0
+        for frame in recorded(record, "mesh"):
+            moved_m = np.frombuffer(frame.vertices_m, "<f4").reshape(-1, 3)
+            part = slice(frame.first_vertex, frame.first_vertex + len(moved_m))
+            largest_m = max(largest_m, np.linalg.norm(moved_m - rest_m[part], axis=1).max(initial=0.0))
+        return largest_m
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "common/core/check.h"
+#include "deploy/palpate/import/import_text.h"
 #include "deploy/scan/organ_mesh.h"
 
 namespace palpate {
@@ -15,6 +16,8 @@ namespace {
 constexpr double kSame_m = 1e-6;
 
 constexpr std::size_t kMostFileNameBytes = 60;
+constexpr double kLeastBody_m = 0.001;
+constexpr double kLargestBody_m = 5.0;
 
 }  // namespace
 
@@ -71,6 +74,14 @@ Column column_at(const physics::TriangleMesh& surface, double x, double y) {
     }
   }
   return column;
+}
+
+void check_extent(const Bounds& bounds, const std::string& file) {
+  const double extent_m = (bounds.highest_m - bounds.lowest_m).norm();
+  if (extent_m >= kLeastBody_m && extent_m <= kLargestBody_m) return;
+  throw SetupError(file + text_of(": the body is %.3g mm large: must be 1 mm to 5 m; check the "
+                                  "unit of the voxels in the file, and the labels",
+                                  1e3 * extent_m));
 }
 
 Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& target) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/contact/bounds.h"
 #include "deploy/scan/label_map.h"
 #include "physics_node/surfaces/triangle_surface.h"
 
@@ -36,6 +37,9 @@ struct Site {
 };
 /// @param map     of one body   @param target  a segment of it, by index
 [[nodiscard]] Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& target);
+
+/// @throws SetupError  smaller than 1 mm or larger than 5 m: a wrong unit in the file of the map
+void check_extent(const Bounds& bounds, const std::string& file);
 
 inline constexpr double kGravity_m_per_s2 = 9.81;
 

@@ -30,8 +30,6 @@ constexpr std::uint64_t kManyVoxels = 5000;
 constexpr std::size_t kMostLabels = 1000;
 // Quadratic elements of more have so many nodes that a body takes minutes and gigabytes.
 constexpr std::size_t kMostQuadratic = 20'000;
-constexpr double kLeastBody_m = 0.001;
-constexpr double kLargestBody_m = 5.0;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
@@ -190,13 +188,7 @@ class Import {
     moved_m_ = -Vector3(site.top_m.x(), site.top_m.y(), column.top_m);
     for (Vector3& node_m : organ_.mesh.nodes_m) node_m += moved_m_;
     bounds_ = bounds_of(organ_.mesh.nodes_m);
-    const double extent_m = (bounds_.highest_m - bounds_.lowest_m).norm();
-    if (!(extent_m >= kLeastBody_m && extent_m <= kLargestBody_m)) {
-      throw SetupError(
-          file_ + text_of(": the body is %.3g mm large: must be 1 mm to 5 m; check the unit of the "
-                          "voxels in the file, and the labels",
-                          1e3 * extent_m));
-    }
+    check_extent(bounds_, file_);
     target_m_ = site.centre_m + moved_m_;
   }
 

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <sstream>
 
 #include "common/core/check.h"
@@ -13,6 +15,7 @@
 #include "common/session/materials.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/import/import_site.h"
+#include "deploy/palpate/import/import_text.h"
 #include "deploy/palpate/import/organ_labels.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/files/tetrahedral_files.h"
@@ -333,6 +336,52 @@ TEST(Import, KeepsNamesInEveryAlphabet) {
   for (const auto& [name, content] : organ.files) folder.write(name, content);
   const Session session = load_session(folder.path() / kImportedSession, {});
   EXPECT_EQ(physics::elastic_bodies_of(session.scene).size(), 1u);
+}
+
+/// A box of voxels of one label.
+scan::LabelMap box(const std::array<std::uint32_t, 3>& size, double voxel_m) {
+  scan::LabelMap map;
+  map.size = {size[0] + 4, size[1] + 4, size[2] + 4};
+  map.ras_of_index_m.linear() = voxel_m * Matrix3::Identity();
+  map.segments = {{.value = 1, .name = "liver"}};
+  for (std::uint32_t k = 0; k < map.size[2]; ++k) {
+    for (std::uint32_t j = 0; j < map.size[1]; ++j) {
+      for (std::uint32_t i = 0; i < map.size[0]; ++i) {
+        const bool is_in = i - 2U < size[0] && j - 2U < size[1] && k - 2U < size[2];
+        map.voxels.push_back(is_in ? 1 : 0);
+        map.segments[0].voxels += is_in ? 1 : 0;
+      }
+    }
+  }
+  return map;
+}
+
+TEST(Import, SaysWhatIsWrongWithTheSizeOfABody) {
+  const auto complaint = [](scan::LabelMap map) -> std::string {
+    try {
+      (void)imported_organ(std::move(map), {.tetrahedra = 600}, "a.nii.gz");
+    } catch (const SetupError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(complaint(box({1, 1, 1}, 2e-3)), HasSubstr("as thin as its voxels"));
+  // micrometres instead of millimetres
+  EXPECT_THAT(complaint(box({20, 15, 12}, 2e-6)),
+              AllOf(HasSubstr("a.nii.gz: the body is 0.0"), HasSubstr("check the unit")));
+}
+
+TEST(Import, WarnsOfABodyThatIsThinnerThanItsCells) {
+  const ImportedOrgan organ =
+      imported_organ(box({40, 40, 1}, 2e-3), {.tetrahedra = 1000}, "a.nii.gz");
+  EXPECT_THAT(organ.report, HasSubstr("WARNING: more than 10 %"));
+}
+
+TEST(ImportText, AColumnHasWholeCharacters) {
+  EXPECT_EQ(column("\xe8\x82\x9d\xe8\x87\x93", 1), "\xe8\x82\x9d");
+  EXPECT_EQ(column("\xe8\x82\x9d", 3), "\xe8\x82\x9d  ");
+  EXPECT_EQ(column("liver", 5), "liver");
+  EXPECT_EQ(column("", 2), "  ");
 }
 
 TEST(Import, NamesALabelThatIsNotThere) {
