@@ -51,7 +51,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::vector<std::uint32_t> all(map.segments.size());
   std::iota(all.begin(), all.end(), 0U);
   scan::OrganMeshing meshing{.tetrahedra = 200U + 4U * data[9]};
-  if (data[10] % 3 == 1) meshing.cell_m = 1e-3 * (1.0 + 0.2 * data[11]);
+  if (data[10] % 3 == 1) meshing.cell_m = (0.7 + 0.02 * data[11]) * map.spacing_m().maxCoeff();
   if (data[10] % 3 == 2) meshing.site_m = 1e-3 * Vector3(data[11], 1.0, 1.0);
   if (data[10] % 2 != 0) meshing.fine = {static_cast<std::uint32_t>(data[11] % all.size())};
   try {
