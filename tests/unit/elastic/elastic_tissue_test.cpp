@@ -227,6 +227,21 @@ TEST_F(ElasticScene, TheForceOfARelaxingBodyIsThatOfTheFullSolution) {
   }
 }
 
+// In its place within one period of the full solution, which is 20 ms.
+TEST_F(ElasticScene, TheForceOfAStepPressIsThatOfTheFullSolution) {
+  for (const double tau_s : {0.0, 0.1}) {
+    ElasticMaterial material;
+    if (tau_s > 0.0) {
+      material.branches = {{.share = 0.3, .tau_s = tau_s}, {.share = 0.2, .tau_s = 5.0 * tau_s}};
+    }
+    const Agreement at = agreement(elastic_scene(file_, material), 300, [](double time_s) {
+      return tip_at(std::min(0.005, 0.25 * time_s - 0.015));
+    });
+    EXPECT_LT(at.error, 0.05) << tau_s;
+    EXPECT_NEAR(at.gain, 1.0, 0.05) << tau_s;
+  }
+}
+
 // Within a period of the full solution this tip goes as deep as a radius.
 TEST_F(ElasticScene, AFastPressIsFeltAtOnceAndKept) {
   if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
