@@ -23,7 +23,7 @@ constexpr std::size_t kHead = 12;
 scan::LabelMap map_of(const std::uint8_t* data, std::size_t size) {
   scan::LabelMap map;
   for (std::size_t a = 0; a < 3; ++a) {
-    map.size[a] = 1U + data[a] % 12U;
+    map.size[a] = 1U + data[a] % 9U;
     const auto axis = static_cast<Eigen::Index>(a);
     map.ras_of_index_m.linear()(axis, axis) = 1e-3 * (1.0 + 0.1 * data[3 + a]);
   }
@@ -50,8 +50,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   scan::LabelMap map = map_of(data, size);
   std::vector<std::uint32_t> all(map.segments.size());
   std::iota(all.begin(), all.end(), 0U);
-  scan::OrganMeshing meshing{.tetrahedra = 200U + 4U * data[9]};
-  if (data[10] % 3 == 1) meshing.cell_m = (0.7 + 0.02 * data[11]) * map.spacing_m().maxCoeff();
+  scan::OrganMeshing meshing{.tetrahedra = 200U + 2U * data[9]};
+  if (data[10] % 3 == 1) meshing.cell_m = (1.0 + 0.02 * data[11]) * map.spacing_m().maxCoeff();
   if (data[10] % 3 == 2) meshing.site_m = 1e-3 * Vector3(data[11], 1.0, 1.0);
   if (data[10] % 2 != 0) meshing.fine = {static_cast<std::uint32_t>(data[11] % all.size())};
   try {
