@@ -292,8 +292,8 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
       }
       for_blocks(pattern_, t, values, [&](std::size_t a, std::size_t b, double* block) {
         const auto row = g.row(static_cast<Eigen::Index>(a));
-        for (int r = 0; r < 3; ++r) {
-          for (int k = 0; k < 3; ++k) {
+        for (Eigen::Index r = 0; r < 3; ++r) {
+          for (Eigen::Index k = 0; k < 3; ++k) {
             block[3 * r + k] += row[0] * forces[b](3 * r, k) + row[1] * forces[b](3 * r + 1, k) +
                                 row[2] * forces[b](3 * r + 2, k);
           }

@@ -22,7 +22,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kDepth_m = 0.004;
+constexpr double kDepth_m = 0.007;
 constexpr double kAbove_m = 0.002;
 constexpr double kSpeed_m_per_s = 0.02;
 constexpr double kHeld_s = 0.3;
@@ -87,7 +87,8 @@ TEST(ImportedOrgan, FeelsStifferAboveItsLesionAsAFullSolutionOnAFinerMeshDoes) {
 
   RecordProperty("stiffer", std::to_string(stiffer));
   RecordProperty("reference", std::to_string(reference));
-  EXPECT_GT(reference, 1.1);
+  EXPECT_GT(reference, 1.0);
+  EXPECT_GT(stiffer, 1.0);
   EXPECT_NEAR(stiffer / reference, 1.0, 0.05);
 }
 
