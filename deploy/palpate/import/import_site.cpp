@@ -84,6 +84,26 @@ void check_extent(const Bounds& bounds, const std::string& file) {
                                   1e3 * extent_m));
 }
 
+std::string missing_report(const scan::LabelMap& map, const Vector3& moved_m, const Bounds& mesh,
+                           double cell_m) {
+  double beyond_m = 0.0;
+  for (std::uint32_t k = 0; k < map.size[2]; ++k) {
+    for (std::uint32_t j = 0; j < map.size[1]; ++j) {
+      for (std::uint32_t i = 0; i < map.size[0]; ++i) {
+        if (map.at(i, j, k) == 0) continue;
+        const Vector3 place_m = map.ras_of_index_m * Vector3(i, j, k) + moved_m;
+        beyond_m = std::max({beyond_m, (place_m - mesh.highest_m).maxCoeff(),
+                             (mesh.lowest_m - place_m).maxCoeff()});
+      }
+    }
+  }
+  if (beyond_m <= cell_m) return "";
+  return text_of(
+      "  WARNING: the mesh ends %.0f mm before the voxels do: what is thinner than a cell "
+      "is missing; give a smaller --cell-mm, or more --tetrahedra\n",
+      1e3 * beyond_m);
+}
+
 Site site_of(const scan::LabelMap& map, const std::optional<std::uint32_t>& target) {
   const auto place_of = [&](std::size_t at) {
     const std::size_t row = at / map.size[0];

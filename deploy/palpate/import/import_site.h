@@ -41,6 +41,11 @@ struct Site {
 /// @throws SetupError  smaller than 1 mm or larger than 5 m: a wrong unit in the file of the map
 void check_extent(const Bounds& bounds, const std::string& file);
 
+/// A warning if voxels of the body lie more than a cell outside the bounds of its mesh, else "".
+/// @param moved_m  from the frame of the map to that of the mesh
+[[nodiscard]] std::string missing_report(const scan::LabelMap& map, const Vector3& moved_m,
+                                         const Bounds& mesh, double cell_m);
+
 inline constexpr double kGravity_m_per_s2 = 9.81;
 
 /// Turns the patient's right, anterior, superior into W, so that the named side is +z: x is the

@@ -353,10 +353,8 @@ class Import {
   /// What the hand presses: a fifth of the thickness, at most 8 mm.
   [[nodiscard]] double press_m() const { return std::min(0.008, 0.2 * thickness_m_); }
 
-  [[nodiscard]] const char* warning_of(std::size_t r, double error) const {
-    const scan::Region& region = organ_.regions[r];
-    const bool matters =
-        r == base_ || is_in(lesions_, region.segment) || is_in(fixed_, region.segment);
+  [[nodiscard]] const char* warning_of(const scan::Region& region, double error) const {
+    const bool matters = is_in(lesions_, region.segment) || is_in(fixed_, region.segment);
     if (region.elements == 0) return "  WARNING: nothing of it is in the mesh";
     if (matters && std::abs(error) > 10.0)
       return "  WARNING: more than 10 %; give more --tetrahedra or a smaller --cell-mm";
@@ -384,9 +382,10 @@ class Import {
           text_of("  %s %8llu %8llu %11.3f %11.3f %+7.2f %% %10zu%s\n",
                   column(name_of(r), 28).c_str(), static_cast<unsigned long long>(region.voxels),
                   static_cast<unsigned long long>(region.dropped_voxels), 1e6 * region.voxels_m3,
-                  1e6 * region.mesh_m3, error, region.elements, warning_of(r, error));
+                  1e6 * region.mesh_m3, error, region.elements, warning_of(region, error));
     }
     text += "  dropped: voxels that are not connected to the largest part by faces\n";
+    text += missing_report(map_, moved_m_, bounds_, organ_.cell_m);
 
     text += text_of(
         "\nMesh\n  %zu tetrahedra, %zu nodes; cells of %.2f mm at the place of touch and at "

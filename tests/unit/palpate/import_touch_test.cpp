@@ -22,7 +22,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kDepth_m = 0.007;
+constexpr double kDepth_m = 0.004;
 constexpr double kAbove_m = 0.002;
 constexpr double kSpeed_m_per_s = 0.02;
 constexpr double kHeld_s = 0.3;
