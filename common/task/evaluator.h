@@ -57,6 +57,10 @@ class TaskEvaluator {
   [[nodiscard]] const TaskScore& score() const { return score_; }
   /// For a page.
   [[nodiscard]] TaskState state() const;
+  /// For a page, after the end; empty: nothing was searched for.
+  [[nodiscard]] TaskMap map() const {
+    return surface_ && palpation() != nullptr ? surface_->map(TaskMap::kMostPlaces) : TaskMap();
+  }
 
  private:
   struct Sample {

@@ -134,6 +134,21 @@ std::optional<SearchedSurface::Foot> SearchedSurface::foot_of(const Vector3& pla
   return Foot{is_beside ? point_m : foot_m, normal};
 }
 
+TaskMap SearchedSurface::map(std::size_t most) const {
+  const auto in_area = [](const Point& point) { return point.area_m2 > 0.0F; };
+  const auto count =
+      static_cast<std::size_t>(std::count_if(points_.begin(), points_.end(), in_area));
+  const std::size_t step = std::max<std::size_t>(1, (count + most - 1) / most);
+  TaskMap map;
+  std::size_t number = 0;
+  for (const Point& point : points_) {
+    if (!in_area(point) || number++ % step != 0) continue;
+    map.places_m.push_back(point.place_m);
+    map.is_searched.push_back(point.is_searched ? 1 : 0);
+  }
+  return map;
+}
+
 void SearchedSurface::search(const Vector3& place_m) {
   const Cell middle = cell_of(place_m);
   for (std::int32_t shell = 0; shell <= 1; ++shell) {

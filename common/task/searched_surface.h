@@ -15,6 +15,7 @@
 #include "common/core/scene_messages.h"
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
+#include "common/telemetry/run_messages.h"
 
 namespace palpate {
 
@@ -50,6 +51,8 @@ class SearchedSurface {
     return area_m2_ > 0.0 ? searched_m2_ / area_m2_ : std::numeric_limits<double>::quiet_NaN();
   }
   [[nodiscard]] double area_m2() const { return area_m2_; }
+  /// Up to `most` points of the area, spread over it.
+  [[nodiscard]] TaskMap map(std::size_t most) const;
   [[nodiscard]] double spacing_m() const { return spacing_m_; }
 
  private:

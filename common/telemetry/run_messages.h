@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -93,6 +94,14 @@ struct TaskState {
   std::vector<std::pair<std::string, std::string>> figures{};  ///< after the end: label, value
 
   bool operator==(const TaskState&) const = default;
+};
+
+/// What of a surface was searched in a task.
+struct TaskMap {
+  static constexpr std::size_t kMostPlaces = 5000;
+
+  std::vector<std::array<float, 3>> places_m;  ///< on the surface at rest; W
+  std::vector<std::uint8_t> is_searched;       ///< of each place, 0 or 1
 };
 
 /// The markers of a run, for its RunState.

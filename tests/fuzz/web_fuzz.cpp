@@ -61,7 +61,7 @@ void messages(std::string_view text) {
   palpate::viewer::ServerDescription server{.name = "fuzz",
                                             .session_id = "1",
                                             .session_name = "fuzz",
-                                            .accepts_hand_targets = true,
+                                            .hand_topics = {"/hand_target", "", "/b/hand_target"},
                                             .accepts_requests = true,
                                             .accepts_changes = true,
                                             .accepts_acknowledgements = true};

@@ -35,7 +35,7 @@ class WebServerTest : public testing::Test {
     ServerDescription description{
         .name = "viewer_node 1", .session_id = "s", .session_name = "probe"};
     description.channels = {{"/a", "p.A", ""}, {"/b", "p.B", ""}};
-    description.accepts_hand_targets = true;
+    description.hand_topics = {"/hand_target"};
     server_ = std::make_unique<WebServer>(WebServerConfig{.port = 0}, description);
   }
 

@@ -10,7 +10,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { after, afterEach, before, test } from "node:test";
-import { at_most, drawn, hold_when, kSkipScreenshots, late_pages, launch, open, picture, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+import { at_most, drawn, hold_when, kSkipScreenshots, late_pages, launch, open, picture, scene_signature, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
 import { patience, QuietMachine } from "./support/machine.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
@@ -168,11 +168,12 @@ test_on_default("the scripted hand is shown: tissue, forces, energy, ticks; the 
 test_on_default("late pages show the same scene", async (first) => {
   await first.setViewportSize(kSmall);
   const reference = (await status(first)).scene;
+  const signature = await scene_signature(first);
   await late_pages(browser, nodes.url, kSmall, async (page) => {
     const begin = performance.now();
     const { scene } = await until(page, (t) => t.scene && t.device_ticks > 0, "scene and ticks");
     const took_ms = performance.now() - begin;
-    assert.equal(scene.signature, reference.signature);
+    assert.equal(await scene_signature(page), signature);
     assert.equal(scene.revision, reference.revision);
     await until(page, (t) => t.scene.tissues[0].displacement_m > 0.001, "the dent");
     return took_ms;
@@ -317,6 +318,8 @@ test_alone("a lesion is hidden until the task has ended, and then shown with the
   await page.locator("#task", { hasText: "Found 0 of 1." }).waitFor();
   await page.locator("#task", { hasText: "1 mark was set where there is nothing." }).waitFor();
   await until(page, (t) => t.scene.tissues.length === 2, "the lump");
+  // nothing was touched
+  await until(page, (t) => t.task_map?.places > 500 && t.task_map.searched === 0, "the map of what was searched");
   assert.ok(tells("radius_m:") && tells("block, part"));
   assert.deepEqual(page.problems, []);
 });
@@ -333,6 +336,18 @@ test_alone("two hands: both tools are in one scene, and either one's figures can
   await page.getByRole("radio", { name: "right" }).dispatchEvent("click");
 
   await until(page, (t) => t.tool_m.x > 0 && t.plots.force[1].points > 0, "the other side's figures");
+
+  // and led: this side's hand and no other
+  await page.locator("#touch-toggle").click();
+  const canvas = await page.locator("#canvas").boundingBox();
+  await page.mouse.move(canvas.x + 0.5 * canvas.width, canvas.y + 0.6 * canvas.height);
+  await page.mouse.down();
+  await page.mouse.move(canvas.x + 0.5 * canvas.width, canvas.y + 0.5 * canvas.height, { steps: 3 });
+  const led = await until(page, (t) => t.hand.is_mine && t.hand.sent > 3, "the right hand");
+  await until(page, (t) => Math.hypot(t.tool_m.x - led.target_m.x, t.tool_m.y - led.target_m.y) < 0.004, "the tool at the target");
+  assert.ok((await status(page)).sides.left.tool_m.x < -0.02, "the left hand goes on");
+  await page.mouse.up();
+  await until(page, (t) => !t.hand.is_mine, "the release");
   assert.deepEqual(page.problems, []);
 });
 
@@ -359,6 +374,17 @@ test_alone("screenshots of an organ", { skip: kLimit.skip || kSkipScreenshots },
     await screenshot(page, name);
     await page.context().close();
   }
+});
+
+test_alone("screenshot of a task that has ended", { skip: kLimit.skip || kSkipScreenshots }, async () => {
+  nodes = await Nodes.start([], "tasks/lump_search");
+  const page = await open(browser, nodes.url, { scale: 1, width: 1000, height: 820 });
+  await until(page, (t) => t.now_s > 11.5, "the whole search");
+  await page.getByRole("button", { name: "Stop" }).click();
+  await until(page, (t) => t.task_map?.searched > 0 && t.scene.tissues.length === 2, "map and lump");
+  await page.locator("#task-title", { hasText: "Score" }).waitFor();
+  await page.waitForTimeout(400);
+  await screenshot(page, "task_score");
 });
 
 test_alone("screenshot of a replay", { skip: kLimit.skip || kSkipScreenshots }, async () => {

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // page.test.mjs: the page in a real Chromium, over the simulated session of support/mock_server.mjs.
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
 import { after, before, test } from "node:test";
-import { at_most, drawn, late_pages, launch, open, picture, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+import { at_most, drawn, late_pages, launch, open, picture, scene_signature, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
 import { patience } from "./support/machine.mjs";
 import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
@@ -591,6 +593,9 @@ page_test("without viewer.control no tissue can be changed and no device acknowl
   await page.keyboard.press("m");
   await until(page, () => server.world.requests.length === 2, "the marker of the key");
   await until_text(page, "banners", /Marked: marker 1/);
+  await page.getByRole("textbox", { name: /Text of the next marker/ }).fill("first cut");
+  await page.keyboard.press("Enter");
+  await until(page, (t) => t.events.some(({ text }) => text === "first cut"), "the marker with a text");
 
   await page.getByRole("button", { name: "Record" }).click();
   await until(page, (t) => t.recorder.isRecording, "a recording");
@@ -598,7 +603,7 @@ page_test("without viewer.control no tissue can be changed and no device acknowl
   await until(page, (t) => !t.recorder.isRecording, "its end");
   server.world.recorder = { ...server.world.recorder, problem: "disk full" };
   await until_text(page, "banners", /recording failed: disk full/);
-  assert.deepEqual(server.world.requests.map(({ marker, isRecording }) => marker ?? isRecording), ["", "", true, false]);
+  assert.deepEqual(server.world.requests.map(({ marker, isRecording }) => marker ?? isRecording), ["", "", "first cut", true, false]);
 });
 
 page_test("a replay has a badge, time, speed and scrubber, and offers no touch", {}, async (page) => {
@@ -609,7 +614,7 @@ page_test("a replay has a badge, time, speed and scrubber, and offers no touch",
   for (const hidden of ["#touch", "#record", "#marker", "#control"]) await page.locator(hidden).waitFor({ state: "hidden" });
   assert.equal(await page.locator("#replay .name").innerText(), "a_recording_with_a_long_name_of_its_own.mcap");
   assert.equal(await page.locator("#replay .name").getAttribute("title"), kReplay.file);
-  await page.locator('#replay .ticks i[title="0:21 first cut"]').waitFor();
+  assert.equal(await page.getByRole("button", { name: "Marker at 0:21: first cut" }).getAttribute("title"), "0:21 first cut");
 
   const { x, y } = await tool_on_screen(page);
   await page.mouse.move(x, y);
@@ -619,6 +624,9 @@ page_test("a replay has a badge, time, speed and scrubber, and offers no touch",
   await until_text(page, "announcement", /^$/); // “You hold the hand.” to no one
   assert.equal(server.world.targets.length, 0);
 
+  await page.getByRole("button", { name: "Marker at 0:21: first cut" }).focus();
+  await page.keyboard.press("Enter");
+  await until(page, (t) => t.replay.positionS === 21, "the marker's place");
   await page.getByRole("slider", { name: "Position in the recording" }).fill("40");
   await until(page, (t) => t.replay.positionS === 40, "the place sought");
   await page.getByRole("combobox", { name: "Speed" }).selectOption("0.25");
@@ -652,8 +660,33 @@ page_test("a task is done with the mouse: briefing, start, marks, stop, score in
   await page.getByRole("button", { name: "Stop" }).click();
   await until_shown(page, "#task", /Score[^]*Found 1 of 2\.[^]*You pressed too lightly[^]*81\.0 %/);
   assert.equal(await page.locator("#task button:visible").count(), 0);
+  // on the organ: what was searched
+  await until(page, (t) => t.task_map?.places === 2500 && t.task_map.searched === 1250, "the map");
+  await page.locator("#task .map-key", { hasText: /pressed\s*not pressed/ }).waitFor();
   server.world.task = undefined;
   await page.locator("#task").waitFor({ state: "hidden" });
+  await until(page, (t) => t.task_map === null, "no map without a task that has ended");
+});
+
+page_test("what was searched is seen on the organ", { page: kPicture }, async (page) => {
+  await rest_tool_at(page, 0.02);
+  server.world.task = { ...kTask, phase: 1 };
+  await page.locator("#task-stop").waitFor();
+  const before = await picture(page);
+  await page.locator("#task-stop").click();
+  await until(page, (t) => t.task_map !== null, "the map");
+  await page.locator("#task-title", { hasText: "Score" }).waitFor();
+  await drawn(page);
+  const colour_of = (png, [r, g, b]) => {
+    let count = 0;
+    for (let i = 0; i < png.pixels.length; i += png.channels) {
+      if (Math.abs(png.pixels[i] - r) + Math.abs(png.pixels[i + 1] - g) + Math.abs(png.pixels[i + 2] - b) < 12) count += 1;
+    }
+    return count;
+  };
+  const after = await picture(page);
+  for (const colour of [[0xd9, 0x5f, 0x02], [0x3a, 0x86, 0xc8]]) assert.ok(colour_of(after, colour) > colour_of(before, colour) + 300, `${colour}: ${colour_of(after, colour)}`);
+  server.world.task = undefined;
 });
 
 page_test("a task is done with the keyboard alone, and said to a screen reader", {}, async (page) => {
@@ -832,12 +865,13 @@ page_test("long names are cut, with the whole name as a tooltip; a phone shows t
 page_test("late pages see the same scene within a second", { page: kSmall }, async (first) => {
   await rest_tool_at(first, -0.006);
   const reference = await until(first, (t) => t.scene.tissues[0].displacement_m > 0.008, "a dent");
+  const signature = await scene_signature(first);
 
   await late_pages(browser, server.url, kSmall, async (page) => {
     const begin = performance.now();
     const now = await until(page, (t) => t.scene?.tissues[0].displacement_m > 0.008, "scene and dent");
     const took_ms = performance.now() - begin;
-    assert.equal(now.scene.signature, reference.scene.signature);
+    assert.equal(await scene_signature(page), signature);
     assert.equal(now.scene.revision, reference.scene.revision);
     assert.deepEqual(now.scene.tissues.map((t) => t.displacement_m.toFixed(5)), reference.scene.tissues.map((t) => t.displacement_m.toFixed(5)));
     return took_ms;
@@ -950,4 +984,247 @@ page_test("20 000 deforming vertices are taken at a small part of their period o
     assert.ok(end.scene.tissues[0].vertices >= 20000);
     return median_s;
   });
+});
+
+// ---- several devices
+
+const kTwo = { world: { sides: ["left", "right"] } };
+
+page_test("of several sides only the one on display is subscribed to; the others are drawn, with their names", kTwo, async (page) => {
+  await rest_tool_at(page, 0.01);
+  assert.deepEqual(server.subscribed().filter((topic) => /left|right/.test(topic)), ["/left/device", "/left/mofc", "/left/physics"]);
+  const first = await until(page, (t) => t.sides.right?.tool_m.x > 0.02, "the tool of the other side");
+  assert.ok(Math.abs(first.tool_m.x - 0.01) < 1e-6);
+  const right = page.locator(".tool-label", { hasText: "right" });
+  await right.waitFor();
+  const is_beside = async (label, at) => {
+    const canvas = await page.locator("#canvas").boundingBox();
+    const { x, y } = await label.boundingBox();
+    return Math.hypot(x - canvas.x - 12 - at.x, y - canvas.y + 8 - at.y) < 4;
+  };
+  assert.ok(await is_beside(page.locator(".tool-label", { hasText: "left" }), (await status(page)).tool_px));
+
+  await page.getByRole("radio", { name: "right" }).click();
+
+  await until(page, (t) => t.shown_side === "right" && Math.abs(t.tool_m.x - 0.025) < 1e-6 && t.plots.force[1].points > 0, "the other side's figures");
+  assert.deepEqual(server.subscribed().filter((topic) => /left|right/.test(topic)), ["/right/device", "/right/mofc", "/right/physics"]);
+  await drawn(page);
+  assert.ok(await is_beside(right, (await status(page)).tool_px));
+  await page.getByRole("radio", { name: "left" }).click();
+  await until(page, (t) => Math.abs(t.tool_m.x - 0.01) < 1e-6, "the first side again");
+});
+
+page_test("what is wrong with a hidden side is told, and its device is acknowledged", { world: { sides: ["left", "right"], has_control: true } }, async (page) => {
+  server.world.faults = { right: 3 };
+  await until_text(page, "banners", /right: fault, the motors are off until reset: the position jumped\./);
+  await until_text(page, "announcement", /right: fault/);
+  await page.locator("#acknowledge", { hasText: "right: Fault: the position jumped." }).waitFor();
+  await page.getByRole("button", { name: "Acknowledge" }).click();
+  await until(page, () => server.world.acknowledgements.length === 1, "the acknowledgement");
+  assert.deepEqual(server.world.acknowledgements[0], { is_of_device: true, phase: 5, deviceFaults: 1n });
+  server.world.faults = {};
+  server.world.gone = ["right.mofc"];
+  await until_text(page, "banners", /^right: mofc_node \(the clamp\) is gone: last heard 7\.0 s ago\.$/);
+  server.world.gone = [];
+  await until_text(page, "banners", /^$/);
+});
+
+page_test("Touch leads the hand of the side on display", kTwo, async (page) => {
+  await rest_tool_at(page, 0.02);
+  const drag = async () => {
+    const { x, y } = await tool_on_screen(page);
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    await page.mouse.move(x + 10, y + 10, { steps: 3 });
+    await until(page, (t) => t.hand.is_mine && t.hand.is_held, "the hand");
+    await page.mouse.up();
+    await until(page, (t) => !t.hand.is_held && !t.hand.is_mine, "the release");
+  };
+  await drag();
+  assert.deepEqual([...new Set(server.world.targets.map(({ topic }) => topic))], ["/left/hand_target"]);
+  await page.getByRole("radio", { name: "right" }).click();
+  await until(page, (t) => t.shown_side === "right" && Number.isFinite(t.tool_m?.x) && t.device_ticks > 0, "the other side");
+  await drag();
+  assert.equal(server.world.targets.at(-1).topic, "/right/hand_target");
+  assert.equal(server.world.targets.at(-1).is_released, true);
+  await page.getByRole("radio", { name: "left" }).click();
+  await until(page, (t) => t.shown_side === "left", "the first side again");
+});
+
+const kMany = Array.from({ length: 64 }, (_, i) => `station_${i + 1}`);
+page_test("64 sides: one is chosen from a list, and the same of several is said once", { world: { sides: kMany }, page: { ...kSmall, max_hz: 30 } }, async (page) => {
+  const list = page.getByRole("combobox", { name: "Side on display" });
+  assert.equal(await list.locator("option").count(), 64);
+  assert.equal(await page.getByRole("radio", { name: /station/ }).count(), 0);
+  server.world.gone = kMany.slice(1, 41).map((side) => `${side}.device`);
+  await until_text(page, "banners", /^station_2, station_3, station_4 and 37 more: device_node \(the motors\) is gone: last heard 7\.0 s ago\.$/);
+  server.world.gone = [];
+  await list.selectOption("station_64");
+  await until(page, (t) => t.shown_side === "station_64" && Number.isFinite(t.tool_m?.x) && t.tool_m.x > 0.9, "the last side");
+
+  const one = await start_mock_server();
+  const alone = await open(browser, one.url, { ...kSmall, max_hz: 30 });
+  try {
+    await at_most("64 sides: processor time of the page, beside that of one with one device", 2, async () => {
+      const share = await share_of(page), share_alone = await share_of(alone);
+      const pages_mb = await renderers_mb();
+      console.log(`64 sides: ${(100 * share).toFixed(0)} % of a processor (one device: ${(100 * share_alone).toFixed(0)} %), ${pages_mb.join(", ")} MB (of each process of a page)`);
+      assert.ok(Math.max(...pages_mb) < 300);
+      return share / share_alone;
+    });
+  } finally {
+    await alone.context().close();
+    await one.close();
+  }
+});
+/** Processor time of a page's thread, of the time. */
+async function share_of(page) {
+  const devtools = await page.context().newCDPSession(page);
+  await devtools.send("Performance.enable", { timeDomain: "threadTicks" });
+  const thread_s = async () => (await devtools.send("Performance.getMetrics")).metrics.find(({ name }) => name === "ThreadTime").value;
+  const begin_s = await thread_s(), begin_ms = performance.now();
+  await page.waitForTimeout(3000);
+  const share = (1e3 * (await thread_s() - begin_s)) / (performance.now() - begin_ms);
+  await devtools.detach();
+  return share;
+}
+/** Memory of its own of every process that the browser has for pages. */
+async function renderers_mb() {
+  const { processInfo } = await (await browser.newBrowserCDPSession()).send("SystemInfo.getProcessInfo");
+  return processInfo.filter(({ type }) => type === "renderer").map(({ id }) =>
+    Math.round(Number(/RssAnon:\s+(\d+) kB/.exec(readFileSync(`/proc/${id}/status`, "utf8"))[1]) / 1e3));
+}
+
+// ---- everybody
+
+for (const [status_code, words] of [[401, /The address lacks the token/], [503, /accepts no further page/]]) {
+  page_test(`a refused connection says why: ${status_code}`, { page: kSmall }, async (page) => {
+    server.world.refusal = status_code;
+    server.cut();
+    await until_text(page, "banners", words);
+    server.world.refusal = 0;
+    await until(page, (t) => t.is_connected, "the connection");
+    await until_text(page, "banners", /^$/);
+  });
+}
+
+page_test("a page whose server is gone says so", { page: kSmall }, async (page) => {
+  const port = Number(new URL(server.url).port);
+  await server.close();
+  await until_text(page, "banners", /Nothing answers at 127\.0\.0\.1/);
+  server = await start_mock_server({ port });
+  await until(page, (t) => t.is_connected && t.scene, "the connection");
+});
+
+test("where storage is blocked the page works", kLimit, async () => {
+  await discard();
+  server = await start_mock_server();
+  const page = await open(browser, server.url, { ...kSmall, wait: false });
+  await page.addInitScript(() => Object.defineProperty(window, "localStorage", { get() { throw new DOMException("blocked", "SecurityError"); } }));
+  await page.reload();
+  await until(page, (t) => t.scene && t.device_ticks > 0, "scene and ticks");
+  await page.locator("#theme").click();
+  assert.equal(await page.locator("html").getAttribute("data-theme"), "dark");
+  assert.deepEqual(page.problems, []);
+});
+
+page_test("events are listed by kind", { page: kSmall }, async (page) => {
+  server.write_log("device_node", 'event=device_fault reason="the position jumped" count=1', 4);
+  server.write_log("mofc_node", "event=clamped_began", 3);
+  const list = page.locator("#timeline .events li");
+  await list.nth(1).waitFor();
+  await page.getByRole("combobox", { name: "Events that are listed" }).selectOption("faults");
+  await list.nth(1).waitFor({ state: "detached" });
+  assert.match(await list.innerText(), /the position jumped/);
+  await page.getByRole("combobox", { name: "Events that are listed" }).selectOption("");
+  await list.nth(1).waitFor();
+});
+
+const kPhone = { width: 390, height: 844, scale: 1, touch: true };
+page_test("on a phone every target has a finger's size, the view can be reset, and help is a tap away", { page: kPhone }, async (page) => {
+  for (const target of await page.locator("button:visible, select:visible, input:visible, summary:visible").all()) {
+    const { width, height } = await target.boundingBox();
+    assert.ok(width >= 44 && height >= 44, `${await target.evaluate((e) => e.outerHTML.slice(0, 90))}: ${width} × ${height}`);
+  }
+  await page.locator("#canvas").focus();
+  const before = (await status(page)).tool_px;
+  await page.keyboard.press("ArrowLeft");
+  await page.locator("#reset-view").tap();
+  await until(page, (t) => t.tool_px !== before, "the view");
+  const help = await page.locator("#title-energy").getAttribute("title");
+  await page.locator("#title-energy").tap();
+  await page.locator(".hint", { hasText: help }).waitFor();
+  await page.locator("#title-energy").tap({ position: { x: 2, y: 2 } });
+  await page.locator("#session").tap();
+});
+
+page_test("a finger that does not take the tool scrolls the page over the picture", { page: kPhone }, async (page) => {
+  await rest_tool_at(page, 0.02);
+  const devtools = await page.context().newCDPSession(page);
+  const box = await page.locator("#canvas").boundingBox();
+  const { x, y } = await tool_on_screen(page);
+  const swipe = async ({ x, y }) => {
+    const finger = (type, at) => devtools.send("Input.dispatchTouchEvent", { type, touchPoints: at ? [at] : [] });
+    await finger("touchStart", { x, y });
+    for (let up = 20; up <= 200; up += 20) await finger("touchMove", { x, y: y - up });
+    await finger("touchEnd");
+    await drawn(page);
+  };
+  await swipe({ x, y });
+  await until(page, (t) => server.world.targets.length > 0 && !t.hand.is_held, "targets of the hand, and its release");
+  assert.equal(await page.evaluate(() => scrollY), 0);
+  await swipe({ x: box.x + 0.75 * box.width, y: box.y + 0.7 * box.height });
+  await page.waitForFunction(() => scrollY > 100);
+});
+
+const kAxe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
+/** Violations of WCAG 2.2 A and AA and of axe-core's best practices. */
+async function violations(page) {
+  await page.addScriptTag({ path: kAxe }).catch(() => page.evaluate(readFileSync(kAxe, "utf8")));
+  const { violations: found } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
+  return found.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.map(({ target }) => target).join(", ")}`);
+}
+const kAxeStates = {
+  "a session": () => {},
+  "a replay": () => {
+    server.world.replay = { ...kReplay };
+    server.world.markers = [{ atNs: 22000000000n, text: "first cut", origin: "page" }];
+  },
+  "a task that is running": () => { server.world.task = { ...kTask, phase: 1 }; },
+  "a fault": () => { server.world.device = { phase: 5, deviceFaults: 1n, lastFault: 3 }; },
+};
+for (const [name, begin] of Object.entries(kAxeStates)) {
+  for (const dark of [false, true]) {
+    page_test(`axe-core has no objection to ${name}, ${dark ? "dark" : "light"}`, { world: { has_control: true }, page: { dark } }, async (page) => {
+      begin();
+      if (name === "a replay") await until(page, (t) => t.replay, "the replay");
+      if (name === "a fault") await page.locator("#acknowledge button").waitFor();
+      if (server.world.task) await page.locator("#task-stop").waitFor();
+      assert.deepEqual(await violations(page), []);
+      server.world.task = undefined;
+    });
+  }
+}
+
+page_test("with the user's own colours what is chosen can be seen", { page: { scale: 1 } }, async (page) => {
+  await page.emulateMedia({ forcedColors: "active" });
+  const outline = (selector) => page.locator(selector).first().evaluate((element) => getComputedStyle(element).outlineStyle);
+  assert.equal(await outline('#windows [aria-checked="true"]'), "solid");
+  assert.equal(await outline('#windows [aria-checked="false"]'), "none");
+  const dot = await page.locator("#nodes li").first().evaluate((element) => getComputedStyle(element, "::before").backgroundColor);
+  assert.equal(dot, await page.evaluate(() => {
+    const probe = document.body.appendChild(document.createElement("i"));
+    probe.style.cssText = "background: var(--calm); forced-color-adjust: none";
+    return getComputedStyle(probe).backgroundColor;
+  }));
+  await page.emulateMedia({ forcedColors: null });
+});
+
+page_test("100 000 deforming vertices are shown", { world: { vertices: 100000 }, page: { ...kSmall, scale: 0.5, max_hz: 60 } }, async (page) => {
+  await until(page, (t) => t.mesh_frames > 5, "mesh frames");
+  const begin = await status(page);
+  const end = await until(page, (t) => t.mesh_frames >= begin.mesh_frames + 20 && t.frames >= begin.frames + 20 && t.now_s > begin.now_s + 2, "20 pictures");
+  const period_s = (end.now_s - begin.now_s) / Math.min(end.frames - begin.frames, end.mesh_frames - begin.mesh_frames);
+  console.log(`100 000 vertices: ${(1 / period_s).toFixed(1)} pictures/s, ${(1e3 * end.mesh_cost_s).toFixed(1)} ms to take a frame, picture ${(1e3 * end.frame_cost_s).toFixed(0)} ms`);
+  assert.ok(end.scene.tissues[0].vertices >= 100000);
 });

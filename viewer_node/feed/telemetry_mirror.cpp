@@ -260,6 +260,13 @@ const TelemetryMirror::JoinedTick* TelemetryMirror::newest_of_device() const {
   return found != ticks_.rend() ? &found->second : nullptr;
 }
 
+const TelemetryMirror::JoinedTick* TelemetryMirror::newest_joined() const {
+  const auto found = std::find_if(ticks_.rbegin(), ticks_.rend(), [](const auto& tick) {
+    return tick.second.device.has_value() && tick.second.mofc.has_value();
+  });
+  return found != ticks_.rend() ? &found->second : nullptr;
+}
+
 void note_newest_tick(std::span<const TelemetryMirror> mirrors, Marker& marker) {
   if (mirrors.size() != 1) return;
   const TelemetryMirror::JoinedTick* newest = mirrors.front().newest_of_device();

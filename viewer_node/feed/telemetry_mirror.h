@@ -112,6 +112,8 @@ class TelemetryMirror {
   [[nodiscard]] const std::map<std::uint64_t, JoinedTick>& ticks() const { return ticks_; }
   /// The newest of these that has the device's half; null: none yet.
   [[nodiscard]] const JoinedTick* newest_of_device() const;
+  /// The newest one that has mofc's half as well; null: none yet.
+  [[nodiscard]] const JoinedTick* newest_joined() const;
   [[nodiscard]] const std::map<std::uint64_t, PhysicsTick>& physics_ticks() const {
     return physics_ticks_;
   }

@@ -27,6 +27,7 @@ constexpr Definition kDefinitions[] = {
     {"/scene", "foxglove.SceneUpdate", true},
     {"/tf", "foxglove.FrameTransforms", true},
     {"/log", "foxglove.Log"},
+    {"/task_map", "palpate.v1.TaskMap"},
 };
 constexpr std::size_t kCount = std::size(kDefinitions);
 constexpr Definition kAudienceMesh{"/mesh_steps", "palpate.v1.MeshSteps"};

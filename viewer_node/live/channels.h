@@ -25,6 +25,7 @@ enum class WebChannel : std::uint8_t {
   kTool,
   kTransforms,
   kLog,
+  kTaskMap,
 };
 
 /// The channels of a session with all its sides: "/left/device".

@@ -4,11 +4,25 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "common/core/version.h"
+#include "common/link/codec/viewer_codec.h"
 
 namespace palpate::viewer {
 namespace {
+
+/// By side; an empty one: no page may lead its hand.
+std::vector<std::string> hand_topics(const Session& session, const ProcessLinks& links,
+                                     bool is_audience) {
+  std::vector<std::string> topics;
+  for (const Side& side : session.sides) {
+    const bool is_led = !is_audience && may_lead_hand(side, links);
+    const std::string prefix = side.name.empty() ? "" : "/" + side.name;
+    topics.push_back(is_led ? prefix + "/hand_target" : "");
+  }
+  return topics;
+}
 
 /// An audience only watches.
 ServerDescription description_of(const NodeContext& context, const ProcessLinks& links,
@@ -17,7 +31,7 @@ ServerDescription description_of(const NodeContext& context, const ProcessLinks&
           .session_id = fmt::format("{:x}", context.session_id),
           .session_name = context.session.name,
           .channels = web_channels(context.session, is_audience),
-          .accepts_hand_targets = !is_audience && may_lead_hand(context.session, links),
+          .hand_topics = hand_topics(context.session, links, is_audience),
           .accepts_requests = !is_audience,
           .accepts_changes = !is_audience && may_change_tissue(context.session),
           .accepts_acknowledgements = !is_audience && context.session.viewer.has_control};
@@ -59,12 +73,12 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
               description_of(context, links, options.audience > 0)),
       log_(context.session, server_),
       scene_(subscriber, server_, options.audience_interval()),
-      hand_(context, links, server_),
       control_(context, links, mirrors, server_),
       run_(context, links, subscriber, page_record_folder(options), scene_.mirror(), mirrors, task,
            server_, log_),
       health_(context.session, mirrors, subscriber, server_, log_),
       foxglove_(context.session, mirrors, scene_, server_, options.audience_interval()) {
+  for (const Side& side : context.session.sides) hands_.emplace_back(context, links, server_, side);
   if (options.audience > 0) thinned_.emplace(context.session, server_, options.audience_interval());
   const WebConfig& configured = context.session.viewer.web;
   if (options.listen.empty() && options.descriptor < 0 && configured.port != 0 &&
@@ -115,16 +129,27 @@ void WebFeed::pump(TimePoint now) {
   scene_.pump(now);
   if (thinned_) thinned_->pump(now);
   for (const WebServer::Event& event : server_.take_events()) handle(event, now);
-  hand_.pump(now);
+  for (WebHand& hand : hands_) hand.pump(now);
   run_.pump(now);
   log_.pump(now);
   health_.pump(now, [&] {
-    ViewerHealth own{
-        .hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()};
+    ViewerHealth own{.hand_holder = hands_.front().holder(),
+                     .recorder = run_.recorder(now),
+                     .run = run_.state()};
+    if (hands_.size() > 1) {
+      for (const WebHand& hand : hands_) own.sides.push_back({.hand_holder = hand.holder()});
+    }
     if (task_ != nullptr) own.task = task_->state();
     return own;
   });
   foxglove_.pump(now);
+  if (task_ != nullptr) publish_task_map();
+}
+
+void WebFeed::publish_task_map() {
+  if (std::exchange(has_task_ended_, task_->has_ended()) || !has_task_ended_) return;
+  server_.publish(index_of(WebChannel::kTaskMap), wall_clock_ns(),
+                  make_payload(encode_task_map(task_->map())));
 }
 
 void WebFeed::end() {
@@ -139,9 +164,13 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       if (event.channel == index_of(WebChannel::kPoints)) foxglove_.repeat_points();
       if (event.channel == index_of(WebChannel::kTool, 0)) foxglove_.repeat_surfaces();
       if (event.channel == index_of(WebChannel::kLog)) log_.send_history_to(event.client);
+      if (event.channel == index_of(WebChannel::kTaskMap) && has_task_ended_) {
+        server_.send_to(event.client, event.channel, wall_clock_ns(),
+                        make_payload(encode_task_map(task_->map())));
+      }
       return;
     case WebServer::Event::Kind::kHandTarget:
-      hand_.take(event.client, event.payload, now);
+      hands_.at(event.channel).take(event.client, event.payload, now);
       return;
     case WebServer::Event::Kind::kRunRequest:
       run_.request(event.client, event.payload, now);
@@ -153,7 +182,7 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       control_.acknowledge(event.client, event.payload, now);
       return;
     case WebServer::Event::Kind::kLeft:
-      hand_.client_left(event.client, now);
+      for (WebHand& hand : hands_) hand.client_left(event.client, now);
       return;
     case WebServer::Event::Kind::kFailed:
       context_.log.error("event=web_failed error=\"{}\"", event.payload);

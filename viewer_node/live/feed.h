@@ -11,6 +11,7 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <optional>
 #include <span>
 #include <string>
@@ -54,14 +55,17 @@ class WebFeed {
   template <class Batch>
   void take_batch(const Batch& batch, WebChannel kind, std::span<const std::byte> payload);
   void handle(const WebServer::Event& event, TimePoint now);
+  /// What was searched, once the task has ended.
+  void publish_task_map();
 
   NodeContext& context_;
   const TaskView* task_;
+  bool has_task_ended_ = false;  // and its map was published
   SideIndex sides_;
   WebServer server_;
   WebLog log_;
   WebScene scene_;
-  WebHand hand_;
+  std::deque<WebHand> hands_;  // by side
   WebControl control_;
   WebRun run_;
   WebHealth health_;

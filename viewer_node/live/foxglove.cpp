@@ -17,19 +17,6 @@ constexpr Duration kTelemetryInterval = std::chrono::milliseconds(20);  // tools
 constexpr Duration kSurfacesInterval = std::chrono::milliseconds(500);  // they are large
 constexpr Duration kToolInterval = std::chrono::milliseconds(33);
 
-/// The newest tick of the device, and the newest one that has mofc's half as well.
-struct Newest {
-  const TelemetryMirror::JoinedTick* device = nullptr;
-  const TelemetryMirror::JoinedTick* joined = nullptr;
-};
-Newest newest_of(const TelemetryMirror& mirror) {
-  const auto& ticks = mirror.ticks();
-  const auto joined = std::find_if(ticks.rbegin(), ticks.rend(), [](const auto& tick) {
-    return tick.second.device.has_value() && tick.second.mofc.has_value();
-  });
-  return {mirror.newest_of_device(), joined != ticks.rend() ? &joined->second : nullptr};
-}
-
 }  // namespace
 
 void WebFoxglove::pump(TimePoint now) {
@@ -49,9 +36,10 @@ void WebFoxglove::pump(TimePoint now) {
 void WebFoxglove::publish_telemetry(std::size_t side, std::uint64_t at_ns) {
   const std::size_t channel = index_of(WebChannel::kTelemetry, side);
   if (!server_.has_subscriber(channel)) return;
-  const Newest newest = newest_of(mirrors_[side]);
-  if (newest.device == nullptr) return;
-  const auto& tick = newest.joined != nullptr ? *newest.joined : *newest.device;
+  const TelemetryMirror::JoinedTick* const newest = mirrors_[side].newest_of_device();
+  const TelemetryMirror::JoinedTick* const joined = mirrors_[side].newest_joined();
+  if (newest == nullptr) return;
+  const auto& tick = joined != nullptr ? *joined : *newest;
   const MofcCounters& mofc = mirrors_[side].mofc_counters();
   server_.publish(
       channel, at_ns,
@@ -62,12 +50,12 @@ void WebFoxglove::publish_tool(std::size_t side, std::uint64_t at_ns) {
   const std::size_t tool = index_of(WebChannel::kTool, side);
   const std::size_t transforms = index_of(WebChannel::kTransforms, side);
   if (!server_.has_subscriber(tool) && !server_.has_subscriber(transforms)) return;
-  const Newest newest = newest_of(mirrors_[side]);
-  if (newest.device == nullptr) return;
-  const DeviceTick& device = *newest.device->device;
-  const Vector3 requested_newton = newest.joined != nullptr
-                                       ? newest.joined->mofc->requested_force_on_hand_newton
-                                       : Vector3(Vector3::Zero());
+  const TelemetryMirror::JoinedTick* const newest = mirrors_[side].newest_of_device();
+  const TelemetryMirror::JoinedTick* const joined = mirrors_[side].newest_joined();
+  if (newest == nullptr) return;
+  const DeviceTick& device = *newest->device;
+  const Vector3 requested_newton =
+      joined != nullptr ? joined->mofc->requested_force_on_hand_newton : Vector3(Vector3::Zero());
   static const SceneState kUnknownScene;
   const SceneState& scene = scene_.mirror().scene() ? *scene_.mirror().scene() : kUnknownScene;
   server_.publish(tool, at_ns, make_payload(encode_tool(at_ns, device, scene, requested_newton)));

@@ -9,21 +9,19 @@ namespace palpate::viewer {
 namespace {
 
 constexpr Duration kTargetInterval = std::chrono::microseconds(8333);  // 120 Hz at most
-constexpr const char* kHandStatus = "hand";
 
 }  // namespace
 
-bool may_lead_hand(const Session& session, const ProcessLinks& links) {
+bool may_lead_hand(const Side& side, const ProcessLinks& links) {
   const LinkKeys* const keys = links.side.tcp().keys.get();
-  return session.side().hand.pointer && (keys == nullptr || keys->of(KeyRole::kPointer) ||
-                                         !session.side().links.hand_target.starts_with("tcp://"));
+  return side.hand.pointer && (keys == nullptr || keys->of(KeyRole::kPointer) ||
+                               !side.links.hand_target.starts_with("tcp://"));
 }
 
-WebHand::WebHand(NodeContext& context, ProcessLinks& links, WebServer& server)
-    : context_(context), server_(server) {
-  if (may_lead_hand(context.session, links)) {
-    out_.emplace(links.side,
-                 connect_to(context.session.side().links.hand_target, "links.hand_target"));
+WebHand::WebHand(NodeContext& context, ProcessLinks& links, WebServer& server, const Side& side)
+    : context_(context), side_(side), server_(server), status_(with_side(side.name, "hand")) {
+  if (may_lead_hand(side, links)) {
+    out_.emplace(links.side, connect_to(side.links.hand_target, "links.hand_target"));
   }
 }
 
@@ -38,7 +36,7 @@ void WebHand::take(std::uint64_t client, const std::string& payload, TimePoint n
   if (holder_ != 0 && holder_ != client) {
     if (refused_.insert(client).second) {
       server_.send_text_to(
-          client, status_text(StatusLevel::kWarning, "another page leads the hand", kHandStatus));
+          client, status_text(StatusLevel::kWarning, "another page leads the hand", status_));
     }
     return;
   }
@@ -52,7 +50,7 @@ void WebHand::take(std::uint64_t client, const std::string& payload, TimePoint n
   } else {
     is_target_due_ = true;
   }
-  if (refused_.erase(client) > 0) server_.send_text_to(client, remove_status_text(kHandStatus));
+  if (refused_.erase(client) > 0) server_.send_text_to(client, remove_status_text(status_));
 }
 
 void WebHand::client_left(std::uint64_t client, TimePoint now) {
@@ -61,8 +59,7 @@ void WebHand::client_left(std::uint64_t client, TimePoint now) {
 }
 
 void WebHand::pump(TimePoint now) {
-  if (holder_ != 0 &&
-      now - holder_heard_at_ >= context_.session.side().hand.pointer->holder_timeout) {
+  if (holder_ != 0 && now - holder_heard_at_ >= side_.hand.pointer->holder_timeout) {
     release(now);
   }
   if (is_target_due_ && now >= next_target_) send_target(now);
@@ -83,7 +80,7 @@ void WebHand::release(TimePoint now) {
   target_.is_released = false;
   holder_ = 0;
   for (const std::uint64_t client : refused_) {
-    server_.send_text_to(client, remove_status_text(kHandStatus));
+    server_.send_text_to(client, remove_status_text(status_));
   }
   refused_.clear();
 }

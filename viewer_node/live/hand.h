@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// web_hand.h — lets one web client at a time lead the hand.
+// web_hand.h — lets one web client at a time lead the hand of a side.
 //
-//   out  hop 6  HandTarget  viewer → device   if the session enables hand.pointer; with several
-//                                             sides, to the first one
+//   out  hop 6  HandTarget  viewer → device   if the side enables hand.pointer
 //
 // Thread: the viewer's.
 #pragma once
@@ -19,14 +18,14 @@
 
 namespace palpate::viewer {
 
-/// Whether the session lets a page lead the hand and this host has the key for it, where one is
+/// Whether the side lets a page lead its hand and this host has the key for it, where one is
 /// needed.
-[[nodiscard]] bool may_lead_hand(const Session& session, const ProcessLinks& links);
+[[nodiscard]] bool may_lead_hand(const Side& side, const ProcessLinks& links);
 
 class WebHand {
  public:
-  /// References must outlive it.
-  WebHand(NodeContext& context, ProcessLinks& links, WebServer& server);
+  /// References must outlive it. @param side  of context.session
+  WebHand(NodeContext& context, ProcessLinks& links, WebServer& server, const Side& side);
 
   /// A client sent a HandTarget. The first client to do so holds the hand; the others are refused
   /// with a status message until it releases the hand, leaves or times out.
@@ -43,7 +42,9 @@ class WebHand {
   void release(TimePoint now);
 
   NodeContext& context_;
+  const Side& side_;
   WebServer& server_;
+  std::string status_;                        // id of messages to clients
   std::optional<ZmqSender<HandTarget>> out_;  // none: no client may lead the hand
   HandTarget target_;                         // the holder's newest
   bool is_target_due_ = false;                // not sent yet

@@ -45,6 +45,7 @@ void WebHealth::pump(TimePoint now, const std::function<ViewerHealth()>& own) {
     add_node(health, with_side(sides[i].name, "device"), mirrors_[i].device_link(), now);
     add_node(health, with_side(sides[i].name, "mofc"), mirrors_[i].mofc_link(), now);
     add_node(health, with_side(sides[i].name, "physics"), mirrors_[i].physics_link(), now);
+    if (sides.size() > 1) add_state(health.sides.at(i), sides[i], mirrors_[i]);
   }
   server_.set_metrics(metrics_.text(mirrors_,
                                     {.clients = counters.clients,
@@ -97,6 +98,24 @@ void WebHealth::tell_verdicts() {
                fmt::format("event=verdict {}grade={} text=\"{}\"",
                            side.empty() ? "" : "side=" + side + " ", name(grade), text));
   }
+}
+
+void WebHealth::add_state(ViewerHealth::Side& state, const Side& side,
+                          const TelemetryMirror& mirror) {
+  const DeviceCounters& counters = mirror.device_counters();
+  state.name = side.name;
+  state.device_session_id = mirror.device_session_id();
+  state.phase = counters.phase;
+  state.device_faults = counters.device_faults;
+  state.last_fault = counters.last_fault;
+  const TelemetryMirror::JoinedTick* const newest = mirror.newest_of_device();
+  if (newest != nullptr) state.device = newest->device;
+  const TelemetryMirror::JoinedTick* const joined = mirror.newest_joined();
+  if (joined != nullptr) {
+    state.requested_force_newton = joined->mofc->requested_force_on_hand_newton;
+  }
+  state.pointer = side.hand.pointer;
+  state.workspace_scale_ratio = side.device.workspace.scale_ratio;
 }
 
 void WebHealth::add_node(ViewerHealth& health, const std::string& name, const NodeLink& link,

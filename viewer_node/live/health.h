@@ -36,14 +36,15 @@ class WebHealth {
     figures_[side].add(batch);
   }
   /// Five times a second: publishes /health, updates /metrics, and logs nodes that start or stop
-  /// sending. @param own  what this viewer knows (hand_holder, recorder, run, task), asked when it
-  /// is
-  ///     due
+  /// sending. @param own  what this viewer knows (hand_holder, recorder, run, task; with several
+  ///     sides, one of `sides` for each), asked when it is due
   void pump(TimePoint now, const std::function<ViewerHealth()>& own);
   /// Logs the verdict on each side: the last word of this viewer.
   void tell_verdicts();
 
  private:
+  /// What a page shows of a side that is not on display.
+  static void add_state(ViewerHealth::Side& state, const Side& side, const TelemetryMirror& mirror);
   void add_node(ViewerHealth& health, const std::string& name, const NodeLink& link, TimePoint now);
   /// {"session", "sides": {NAME: verdict}}; one device has the name "".
   [[nodiscard]] std::string verdicts() const;

@@ -24,7 +24,7 @@ struct ClientEvent {
   };
   Kind kind = Kind::kLeft;
   std::uint64_t client = 0;
-  std::size_t channel = 0;  ///< kSubscribed
+  std::size_t channel = 0;  ///< kSubscribed; of a kHandTarget, the side of the session
   /// kHandTarget, kRunRequest, kTissueChange, kAcknowledgement: a protobuf message; kFailed: why
   std::string payload{};
 };

@@ -13,25 +13,29 @@ using Json = nlohmann::ordered_json;
 
 struct AcceptedTopic {
   ClientTopic topic;
-  bool ServerDescription::*is_accepted;
   std::string_view name;
   std::string_view schema;
+  std::size_t side = 0;
 };
-constexpr std::array kAcceptedTopics{
-    AcceptedTopic{ClientTopic::kHandTarget, &ServerDescription::accepts_hand_targets,
-                  "/hand_target", "palpate.v1.HandTarget"},
-    AcceptedTopic{ClientTopic::kRunRequest, &ServerDescription::accepts_requests, "/run_request",
-                  "palpate.v1.RunRequest"},
-    AcceptedTopic{ClientTopic::kTissueChange, &ServerDescription::accepts_changes, "/tissue_change",
-                  "palpate.v1.TissueChange"},
-    AcceptedTopic{ClientTopic::kAcknowledgement, &ServerDescription::accepts_acknowledgements,
-                  "/acknowledgement", "palpate.v1.Acknowledgement"},
-};
-constexpr std::size_t kMostClientChannels = 8;
+constexpr std::size_t kMostClientChannels = 8;  // beside a hand target of each side
 
-bool accepts_any(const ServerDescription& server) {
-  return std::any_of(kAcceptedTopics.begin(), kAcceptedTopics.end(),
-                     [&](const AcceptedTopic& topic) { return server.*topic.is_accepted; });
+/// What clients of this server may publish.
+std::vector<AcceptedTopic> accepted_topics(const ServerDescription& server) {
+  std::vector<AcceptedTopic> topics;
+  for (std::size_t side = 0; side < server.hand_topics.size(); ++side) {
+    const std::string& name = server.hand_topics[side];
+    if (name.empty()) continue;
+    topics.push_back({ClientTopic::kHandTarget, name, "palpate.v1.HandTarget", side});
+  }
+  const auto add = [&](bool is_accepted, const AcceptedTopic& topic) {
+    if (is_accepted) topics.push_back(topic);
+  };
+  add(server.accepts_requests, {ClientTopic::kRunRequest, "/run_request", "palpate.v1.RunRequest"});
+  add(server.accepts_changes,
+      {ClientTopic::kTissueChange, "/tissue_change", "palpate.v1.TissueChange"});
+  add(server.accepts_acknowledgements,
+      {ClientTopic::kAcknowledgement, "/acknowledgement", "palpate.v1.Acknowledgement"});
+  return topics;
 }
 constexpr std::size_t kMaxComplaints = 8;  // per message
 constexpr std::size_t kMaxQuotedBytes = 40;
@@ -101,28 +105,24 @@ class Complaints {
   std::size_t count_ = 0;
 };
 
-/// A channel that the client wants to publish on.
-void advertise(const Json& offered, const ServerDescription& server,
-               std::map<std::uint32_t, ClientTopic>& topic_of, Complaints& complaints) {
-  const auto id = number(offered, "id");
+/// The one of the topics that the client wants to publish on; null: none.
+const AcceptedTopic* find(const Json& offered, const std::vector<AcceptedTopic>& topics) {
+  if (text_of(offered, "encoding") != "protobuf") return nullptr;
   const std::string name = text_of(offered, "topic");
-  const auto* const topic = std::find_if(
-      kAcceptedTopics.begin(), kAcceptedTopics.end(), [&](const AcceptedTopic& accepted) {
-        return server.*accepted.is_accepted && name == accepted.name &&
-               text_of(offered, "schemaName") == accepted.schema;
-      });
-  if (id && topic != kAcceptedTopics.end() && text_of(offered, "encoding") == "protobuf" &&
-      (topic_of.contains(*id) || topic_of.size() < kMostClientChannels)) {
-    topic_of[*id] = topic->topic;
-    return;
+  const std::string schema = text_of(offered, "schemaName");
+  const auto found = std::find_if(topics.begin(), topics.end(), [&](const AcceptedTopic& topic) {
+    return name == topic.name && schema == topic.schema;
+  });
+  return found == topics.end() ? nullptr : &*found;
+}
+
+std::string accepted_words(const std::vector<AcceptedTopic>& topics) {
+  std::string words;
+  for (const AcceptedTopic& topic : topics) {
+    words += (words.empty() ? "" : " and ") + std::string(topic.name) + ", protobuf " +
+             std::string(topic.schema);
   }
-  std::string accepted;
-  for (const AcceptedTopic& one : kAcceptedTopics) {
-    if (!(server.*one.is_accepted)) continue;
-    accepted += (accepted.empty() ? "" : " and ") + std::string(one.name) + ", protobuf " +
-                std::string(one.schema);
-  }
-  complaints.add("advertise: only " + accepted + " is accepted");
+  return "advertise: only " + words + " is accepted";
 }
 
 }  // namespace
@@ -152,13 +152,13 @@ std::string FoxgloveClient::server_info() const {
       {"capabilities", Json::array()},
       {"sessionId", server_.session_id},
       {"metadata", {{"client_id", std::to_string(id_)}, {"session", server_.session_name}}}};
-  if (accepts_any(server_)) {
+  const std::vector<AcceptedTopic> accepted = accepted_topics(server_);
+  if (!accepted.empty()) {
     info["capabilities"].push_back("clientPublish");
     info["supportedEncodings"] = Json::array({"protobuf"});
     std::string topics;
-    for (const AcceptedTopic& topic : kAcceptedTopics) {
-      if (server_.*topic.is_accepted)
-        topics += (topics.empty() ? "" : " ") + std::string(topic.name);
+    for (const AcceptedTopic& topic : accepted) {
+      topics += (topics.empty() ? "" : " ") + std::string(topic.name);
     }
     info["metadata"]["client_topics"] = topics;
   }
@@ -219,11 +219,19 @@ FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
       subscription_of_[it->second].reset();
       channel_of_.erase(it);
     }
-  } else if (op == "advertise" && accepts_any(server_)) {
+  } else if (op == "advertise" && !accepted_topics(server_).empty()) {
+    const std::vector<AcceptedTopic> topics = accepted_topics(server_);
+    const std::size_t most = kMostClientChannels + server_.hand_topics.size();
     for (const Json& offered : list(message, "channels")) {
-      advertise(offered, server_, topic_of_, complaints);
+      const auto id = number(offered, "id");
+      const AcceptedTopic* const topic = find(offered, topics);
+      if (id && topic != nullptr && (topic_of_.contains(*id) || topic_of_.size() < most)) {
+        topic_of_[*id] = {topic->topic, topic->side};
+      } else {
+        complaints.add(accepted_words(topics));
+      }
     }
-  } else if (op == "unadvertise" && accepts_any(server_)) {
+  } else if (op == "unadvertise" && !accepted_topics(server_).empty()) {
     for (const Json& id : list(message, "channelIds")) {
       if (id.is_number_unsigned() && id.get<std::uint64_t>() <= ~std::uint32_t{0}) {
         topic_of_.erase(id.get<std::uint32_t>());
@@ -249,7 +257,8 @@ FoxgloveClient::Outcome FoxgloveClient::take_binary(std::string_view bytes) {
     Complaints(outcome.replies).add("a binary message must be data of an advertised channel");
     return outcome;
   }
-  outcome.published = topic->second;
+  outcome.published = topic->second.topic;
+  outcome.side = topic->second.side;
   outcome.payload = bytes.substr(kHeaderBytes);
   return outcome;
 }

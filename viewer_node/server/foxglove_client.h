@@ -36,7 +36,8 @@ struct ServerDescription {
   std::string session_id;    ///< changes at each server start
   std::string session_name;  ///< of the deployment
   std::vector<Channel> channels{};
-  bool accepts_hand_targets = false;      ///< topic /hand_target
+  /// Topics for HandTarget by side of the session; empty: the side accepts none.
+  std::vector<std::string> hand_topics{};
   bool accepts_requests = false;          ///< topic /run_request
   bool accepts_changes = false;           ///< topic /tissue_change
   bool accepts_acknowledgements = false;  ///< topic /acknowledgement
@@ -73,6 +74,7 @@ class FoxgloveClient {
     std::vector<std::size_t> subscribed;  ///< channels, newly
     std::vector<std::size_t> unsubscribed;
     std::optional<ClientTopic> published{};
+    std::size_t side = 0;   ///< kHandTarget: index in hand_topics
     std::string payload{};  ///< of what was published: a protobuf message, not decoded
   };
   [[nodiscard]] Outcome take_text(std::string_view text);
@@ -88,7 +90,11 @@ class FoxgloveClient {
   std::uint64_t id_;
   std::map<std::uint32_t, std::size_t> channel_of_;            // by subscription
   std::vector<std::optional<std::uint32_t>> subscription_of_;  // by channel
-  std::map<std::uint32_t, ClientTopic> topic_of_;              // by the client's id of its channel
+  struct Published {
+    ClientTopic topic;
+    std::size_t side = 0;
+  };
+  std::map<std::uint32_t, Published> topic_of_;  // by the client's id of its channel
 };
 
 }  // namespace palpate::viewer

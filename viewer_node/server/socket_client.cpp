@@ -116,6 +116,7 @@ void SocketClient::take(FoxgloveClient::Outcome outcome) {
   if (outcome.published) {
     server_.events.add({.kind = event_of(*outcome.published),
                         .client = id(),
+                        .channel = outcome.side,
                         .payload = std::move(outcome.payload)});
   }
 }

@@ -23,6 +23,9 @@ class TaskView {
   void take(const RunState& run);
 
   [[nodiscard]] TaskState state() const { return evaluator_.state(); }
+  [[nodiscard]] bool has_ended() const { return evaluator_.has_ended(); }
+  /// What was searched; after the end.
+  [[nodiscard]] TaskMap map() const { return evaluator_.map(); }
   [[nodiscard]] const TaskScore& score() const { return evaluator_.score(); }
   /// Whether everything may be shown: the task has ended, or this is a replay.
   [[nodiscard]] bool may_reveal() const { return is_replay_ || evaluator_.has_ended(); }

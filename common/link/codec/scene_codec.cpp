@@ -5,10 +5,22 @@
 #include <string>
 #include <vector>
 
+#include "common/link/codec/scene_wire.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/scene.pb.h"
 
 namespace palpate {
+
+namespace wire {
+
+void put(const PointerConfig& pointer, v1::SceneState_PointerHand& to) {
+  put(pointer.center_m, *to.mutable_center_m());
+  to.set_reach_m(pointer.reach_m);
+  to.set_speed_m_per_s(pointer.speed_m_per_s);
+  to.set_holder_timeout_ns(pointer.holder_timeout.count());
+}
+
+}  // namespace wire
 
 using namespace wire;
 
@@ -115,13 +127,7 @@ struct WireFormat<SceneState> {
       put(m.reach->center_m, *wire.mutable_reach()->mutable_center_m());
       put(m.reach->half_extent_m, *wire.mutable_reach()->mutable_half_extent_m());
     }
-    if (m.pointer) {
-      v1::SceneState::PointerHand& pointer = *wire.mutable_pointer();
-      put(m.pointer->center_m, *pointer.mutable_center_m());
-      pointer.set_reach_m(m.pointer->reach_m);
-      pointer.set_speed_m_per_s(m.pointer->speed_m_per_s);
-      pointer.set_holder_timeout_ns(m.pointer->holder_timeout.count());
-    }
+    if (m.pointer) put(*m.pointer, *wire.mutable_pointer());
   }
 
   static void check(const v1::SceneState& wire, Verdict& verdict) {

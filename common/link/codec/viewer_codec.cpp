@@ -13,6 +13,7 @@
 
 #include "common/core/check.h"
 #include "common/link/codec/run_wire.h"
+#include "common/link/codec/scene_wire.h"
 #include "foxglove/foxglove_subset.pb.h"
 #include "palpate/v1/acknowledgement.pb.h"
 #include "palpate/v1/hand_target.pb.h"
@@ -50,11 +51,31 @@ void put(const Vector3& v, Xyz& to) {
   to.set_y(v.y());
   to.set_z(v.z());
 }
-void put(const Quaternion& q, foxglove::Quaternion& to) {
+template <class Wxyz>
+void put(const Quaternion& q, Wxyz& to) {
   to.set_x(q.x());
   to.set_y(q.y());
   to.set_z(q.z());
   to.set_w(q.w());
+}
+void put(const ViewerHealth::Side& side, v1::Health::Side& to) {
+  to.set_name(side.name);
+  to.set_device_session_id(side.device_session_id);
+  to.set_phase(static_cast<std::uint32_t>(side.phase));
+  to.set_device_faults(side.device_faults);
+  to.set_last_fault(static_cast<std::uint32_t>(side.last_fault));
+  if (side.device) {
+    to.set_guard(static_cast<std::uint32_t>(side.device->guard));
+    put(side.device->measured_tool_position_world_m, *to.mutable_tool_position_world_m());
+    put(side.device->measured_tool_orientation_world, *to.mutable_tool_orientation_world());
+    put(side.device->force_on_hand_newton, *to.mutable_force_on_hand_newton());
+  }
+  if (side.requested_force_newton) {
+    put(*side.requested_force_newton, *to.mutable_requested_force_on_hand_newton());
+  }
+  to.set_hand_holder(side.hand_holder);
+  if (side.pointer) palpate::wire::put(*side.pointer, *to.mutable_pointer());
+  to.set_workspace_scale_ratio(side.workspace_scale_ratio);
 }
 struct Rgba {
   double r, g, b, a;
@@ -122,6 +143,7 @@ std::string schema_of(std::string_view message) {
                              v1::MeshFrame::descriptor(),
                              v1::Health::descriptor(),
                              v1::MeshSteps::descriptor(),
+                             v1::TaskMap::descriptor(),
                              v1::Marker::descriptor(),
                              v1::IdealForces::descriptor(),
                              v1::Telemetry::descriptor(),
@@ -181,6 +203,15 @@ std::string encode_health(const ViewerHealth& health) {
   recorder.set_problem(health.recorder.problem);
   palpate::wire::put(health.run, wire);
   if (health.task) palpate::wire::put(*health.task, *wire.mutable_task());
+  for (const ViewerHealth::Side& side : health.sides) put(side, *wire.add_sides());
+  return wire.SerializeAsString();
+}
+
+std::string encode_task_map(const TaskMap& map) {
+  v1::TaskMap wire;
+  wire.mutable_places_m()->assign(reinterpret_cast<const char*>(map.places_m.data()),
+                                  map.places_m.size() * sizeof(map.places_m[0]));
+  wire.mutable_is_searched()->assign(map.is_searched.begin(), map.is_searched.end());
   return wire.SerializeAsString();
 }
 

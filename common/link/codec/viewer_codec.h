@@ -57,8 +57,25 @@ struct ViewerHealth {
   Recorder recorder{};
   RunState run{};
   std::optional<TaskState> task{};
+  /// Of a session with several.
+  struct Side {
+    std::string name;
+    std::uint64_t device_session_id = 0;
+    DevicePhase phase = DevicePhase::kUnknown;
+    std::uint64_t device_faults = 0;
+    FaultReason last_fault = FaultReason::kNone;
+    std::optional<DeviceTick> device{};               ///< the newest one
+    std::optional<Vector3> requested_force_newton{};  ///< on the hand
+    std::uint64_t hand_holder = 0;
+    std::optional<PointerConfig> pointer{};
+    double workspace_scale_ratio = 1.0;
+  };
+  std::vector<Side> sides{};
 };
 [[nodiscard]] std::string encode_health(const ViewerHealth& health);
+
+/// palpate.v1.TaskMap.
+[[nodiscard]] std::string encode_task_map(const TaskMap& map);
 
 /// palpate.v1.Telemetry. @param at_ns  since 1970
 [[nodiscard]] std::string encode_telemetry(std::uint64_t at_ns, const DeviceTick& device,

@@ -6,7 +6,12 @@
 #include <google/protobuf/descriptor.pb.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cstring>
+#include <string>
+
 #include "foxglove/foxglove_subset.pb.h"
+#include "palpate/v1/viewer.pb.h"
 
 namespace palpate {
 namespace {
@@ -69,6 +74,58 @@ TEST(FoxgloveTool, RotatesItsFrame) {
   const auto& q = transforms.transforms(0).rotation();
   EXPECT_LT((Quaternion(q.w(), q.x(), q.y(), q.z()) * Vector3::UnitZ() - Vector3::UnitX()).norm(),
             1e-15);
+}
+
+TEST(Health, TellsOfEachSideWhatAPageShowsWithoutItsTelemetry) {
+  ViewerHealth health;
+  health.sides.push_back({.name = "left"});  // not heard yet
+  health.sides.push_back({.name = "right",
+                          .device_session_id = 7,
+                          .phase = DevicePhase::kFaulted,
+                          .device_faults = 2,
+                          .last_fault = FaultReason::kMotorsDiffer,
+                          .device = lying(),
+                          .requested_force_newton = Vector3(0, 0, 2),
+                          .hand_holder = 3,
+                          .pointer = PointerConfig{.reach_m = 0.05},
+                          .workspace_scale_ratio = 1.5});
+  health.sides[1].device->guard = GuardState::kFault;
+  health.sides[1].device->force_on_hand_newton = Vector3(0, 0, 1);
+
+  v1::Health wire;
+  ASSERT_TRUE(wire.ParseFromString(encode_health(health)));
+
+  ASSERT_EQ(wire.sides_size(), 2);
+  EXPECT_FALSE(wire.sides(0).has_tool_position_world_m());
+  EXPECT_FALSE(wire.sides(0).has_requested_force_on_hand_newton());
+  EXPECT_FALSE(wire.sides(0).has_pointer());
+  const v1::Health::Side& side = wire.sides(1);
+  EXPECT_EQ(side.name(), "right");
+  EXPECT_EQ(side.device_session_id(), 7u);
+  EXPECT_EQ(side.phase(), static_cast<std::uint32_t>(DevicePhase::kFaulted));
+  EXPECT_EQ(side.device_faults(), 2u);
+  EXPECT_EQ(side.last_fault(), static_cast<std::uint32_t>(FaultReason::kMotorsDiffer));
+  EXPECT_EQ(side.guard(), static_cast<std::uint32_t>(GuardState::kFault));
+  EXPECT_EQ(vector(side.tool_position_world_m()), Vector3(0.1, 0, 0));
+  const auto& q = side.tool_orientation_world();
+  EXPECT_LT((Quaternion(q.w(), q.x(), q.y(), q.z()) * Vector3::UnitZ() - Vector3::UnitX()).norm(),
+            1e-15);
+  EXPECT_EQ(vector(side.force_on_hand_newton()), Vector3(0, 0, 1));
+  EXPECT_EQ(vector(side.requested_force_on_hand_newton()), Vector3(0, 0, 2));
+  EXPECT_EQ(side.hand_holder(), 3u);
+  EXPECT_EQ(side.pointer().reach_m(), 0.05);
+  EXPECT_EQ(side.workspace_scale_ratio(), 1.5);
+}
+
+TEST(TaskMapMessage, HasAByteAndThreeFloatsOfEachPlace) {
+  v1::TaskMap wire;
+  ASSERT_TRUE(wire.ParseFromString(
+      encode_task_map({.places_m = {{0.5F, 0, -0.25F}, {1, 2, 3}}, .is_searched = {1, 0}})));
+  std::array<float, 6> places{};
+  ASSERT_EQ(wire.places_m().size(), sizeof(places));
+  std::memcpy(places.data(), wire.places_m().data(), sizeof(places));
+  EXPECT_EQ(places, (std::array<float, 6>{0.5F, 0, -0.25F, 1, 2, 3}));
+  EXPECT_EQ(wire.is_searched(), std::string("\1\0", 2));
 }
 
 // A page encodes a HandTarget with the schema that it has from /scene_state.

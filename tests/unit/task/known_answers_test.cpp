@@ -47,6 +47,32 @@ TEST(KnownAnswers, OnlyTheAreaIsToBeSearched) {
   EXPECT_NEAR(score.coverage_ratio, 0.5, 0.005);
 }
 
+// What a page draws: places of the area alone, searched where the slide was.
+TEST(KnownAnswers, TheMapShowsTheStripThatWasSearched) {
+  TaskConfig task = search();
+  std::get<PalpationTask>(task.kind).area =
+      BoxGeometry{.center_m = {0.025, 0.0, 0.0}, .size_m = {0.05, 0.04, 0.01}};
+  TaskEvaluator evaluator(task, kTip_m);
+  evaluator.take(plane_scene());
+  run(evaluator, 2.0, [](double t_s) { return pressed(0.1 * (0.5 * t_s - 0.5), 0.0, 0.002, 1.0); });
+  evaluator.finish();
+
+  const TaskMap map = evaluator.map();
+
+  ASSERT_EQ(map.places_m.size(), map.is_searched.size());
+  EXPECT_LE(map.places_m.size(), TaskMap::kMostPlaces);
+  EXPECT_GT(map.places_m.size(), TaskMap::kMostPlaces / 2);
+  std::size_t searched = 0;
+  for (std::size_t i = 0; i < map.places_m.size(); ++i) {
+    const auto& [x, y, z] = map.places_m[i];
+    EXPECT_TRUE(x >= 0.0F && x <= 0.05F && std::abs(y) <= 0.02F && z == 0.0F);
+    EXPECT_EQ(map.is_searched[i] == 1, std::abs(y) <= kRadius_m) << x << ", " << y;
+    searched += map.is_searched[i];
+  }
+  // the strip is a quarter of the area, and so of the places
+  EXPECT_NEAR(static_cast<double>(searched) / static_cast<double>(map.places_m.size()), 0.25, 0.02);
+}
+
 // A circle of radius 20 mm at 0.5 Hz, seen by an encoder with steps of 0.055 mm.
 TEST(KnownAnswers, ThePathOfACircleIsItsCircumference) {
   const TaskScore score = score_of({}, 10.0, [](double t_s) {

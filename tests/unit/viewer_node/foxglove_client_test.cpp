@@ -19,7 +19,7 @@ using testing::SizeIs;
 ServerDescription description(bool accepts_hand_targets) {
   ServerDescription server{.name = "viewer_node 1", .session_id = "abc", .session_name = "default"};
   server.channels = {{"/a", "p.A", "ab"}, {"/b", "p.B", std::string("\0\xff", 2)}};
-  server.accepts_hand_targets = accepts_hand_targets;
+  if (accepts_hand_targets) server.hand_topics = {"/hand_target"};
   return server;
 }
 
@@ -145,6 +145,29 @@ TEST_F(FoxgloveClientTest, SendsHandTargetsOnTheChannelItAdvertised) {
   EXPECT_FALSE(client_.take_binary(data).published.has_value());
 }
 
+TEST_F(FoxgloveClientTest, SendsHandTargetsOfEachSideOnItsTopic) {
+  ServerDescription server = description(false);
+  server.hand_topics = {"/left/hand_target", "", "/right/hand_target"};  // one follows no page
+  FoxgloveClient client(server, 7);
+  EXPECT_EQ(json::parse(client.server_info())["metadata"]["client_topics"],
+            "/left/hand_target /right/hand_target");
+  const auto advertise = [&](int id, const std::string& topic) {
+    const json text = {{"op", "advertise"},
+                       {"channels",
+                        {{{"id", id},
+                          {"topic", topic},
+                          {"encoding", "protobuf"},
+                          {"schemaName", "palpate.v1.HandTarget"}}}}};
+    return client.take_text(text.dump()).replies;
+  };
+  EXPECT_THAT(advertise(1, "/right/hand_target"), IsEmpty());
+  EXPECT_THAT(advertise(2, "/left/hand_target"), IsEmpty());
+  EXPECT_THAT(advertise(3, ""), SizeIs(1));
+  EXPECT_THAT(advertise(3, "/hand_target"), SizeIs(1));
+  EXPECT_EQ(client.take_binary(std::string("\x01\x01\0\0\0z", 6)).side, 2u);
+  EXPECT_EQ(client.take_binary(std::string("\x01\x02\0\0\0z", 6)).side, 0u);
+}
+
 TEST_F(FoxgloveClientTest, SendsRequestsBesideHandTargets) {
   ServerDescription server = description(true);
   server.accepts_requests = true;
@@ -165,7 +188,7 @@ TEST_F(FoxgloveClientTest, SendsRequestsBesideHandTargets) {
   EXPECT_EQ(client.take_binary(std::string("\x01\x01\0\0\0z", 6)).published,
             ClientTopic::kHandTarget);
   // a client cannot take memory with channels
-  for (int id = 10; id < 16; ++id) {
+  for (int id = 10; id < 17; ++id) {
     EXPECT_THAT(advertise(std::to_string(id).c_str(), "/run_request", "palpate.v1.RunRequest"),
                 IsEmpty());
   }

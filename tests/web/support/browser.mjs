@@ -68,6 +68,9 @@ function is_about_graphics(text) {
 
 export const status = (page) => page.evaluate(() => window.__test);
 
+/** Equal for pages that show the same scene. */
+export const scene_signature = (page) => page.evaluate(() => window.__scene_signature);
+
 /** Waits until the page's status fulfils the predicate; fails with what it waited for. */
 export async function until(page, predicate, what) {
   const begin = performance.now();

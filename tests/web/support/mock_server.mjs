@@ -20,13 +20,15 @@ export const kContentSecurityPolicy =
 
 const kTopics = {
   "/scene_state": "palpate.v1.SceneState", "/mesh": "palpate.v1.MeshFrame", "/device": "palpate.v1.DeviceTelemetry",
-  "/mofc": "palpate.v1.MofcTelemetry", "/physics": "palpate.v1.PhysicsTelemetry", "/health": "palpate.v1.Health", "/log": "foxglove.Log",
+  "/mofc": "palpate.v1.MofcTelemetry", "/physics": "palpate.v1.PhysicsTelemetry", "/health": "palpate.v1.Health", "/log": "foxglove.Log", "/task_map": "palpate.v1.TaskMap",
 };
 const kSessions = { device: 11n, mofc: 22n, physics: 33n };
 const kTip_m = 0.003;
+const kBeside_m = 0.015;
 const kStiffness = [250, 1500];
 const kBound_newton = 1.1;
 const kHolderTimeout_ms = 2000;
+const kPointer = { centerM: { x: 0, y: 0, z: 0 }, reachM: 0.09, speedMPerS: 0.25, holderTimeoutNs: BigInt(kHolderTimeout_ms) * 1000000n };
 
 /** The descriptor set of the .proto files, as protoc makes it. */
 let descriptors;
@@ -92,8 +94,9 @@ const bytes_of = (array) => new Uint8Array(array.buffer, array.byteOffset, array
  * @param options.has_control  whether a page may change the tissues and acknowledge the device
  * @param options.names        of the tissues
  * @param options.shaft_m      length of the tool's shaft; 0: only a tip
+ * @param options.sides        of the session: names; the tool of each further one is 15 mm to the right of the one before
  */
-export async function start_mock_server({ port = 0, vertices = 2600, has_pointer = true, has_control = false, names = ["block", "inclusion"], shaft_m = 0, page = join(root, "viewer_node/web/dist") } = {}) {
+export async function start_mock_server({ port = 0, vertices = 2600, has_pointer = true, has_control = false, names = ["block", "inclusion"], shaft_m = 0, sides = [], page = join(root, "viewer_node/web/dist") } = {}) {
   const set = descriptor_set();
   const registry = createFileRegistry(fromBinary(FileDescriptorSetSchema, set));
   const schema = (name) => registry.getMessage(name);
@@ -127,6 +130,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
     refused: 0,
+    gone: [], // "left.device": nodes of sides that are gone
+    faults: {}, // by side: its last fault, while it lasts
+    holders: {}, // by side
+    refusal: 0, // HTTP status for whoever wants to connect; 0: nobody is refused
   });
   const world = { ...initial(), revision: 1n, mesh_frames: 0 };
   let target = null; // D = W here
@@ -134,6 +141,11 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   let next_client = 1;
   const sequences = { device: 0n, mofc: 0n, physics: 0n };
   let tick = 0n;
+  let applied_newton = 0;
+  let requested_newton = 0;
+  const topic_of = (side, name) => (side ? `/${side}/${name}` : `/${name}`);
+  const all_topics = sides.length === 0 ? kTopics : Object.fromEntries(Object.entries(kTopics).flatMap(([topic, schema]) =>
+    (["/device", "/mofc", "/physics"].includes(topic) ? sides.map((side) => [topic_of(side, topic.slice(1)), schema]) : [[topic, schema]])));
   let last_z = 1;
   let energy = 0;
   let transparency_integral_ns = 0;
@@ -163,7 +175,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       ],
       acceptsChanges: has_control,
       reach: { centerM: { x: 0, y: 0, z: 0.02 }, halfExtentM: { x: 0.08, y: 0.06, z: 0.035 } },
-      ...(has_pointer ? { pointer: { centerM: { x: 0, y: 0, z: 0 }, reachM: 0.09, speedMPerS: 0.25, holderTimeoutNs: BigInt(kHolderTimeout_ms) * 1000000n } } : {}),
+      ...(has_pointer ? { pointer: kPointer } : {}),
     });
   }
 
@@ -243,28 +255,38 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       tick += 1n;
     }
     if (performance.now() - held_ms > kHolderTimeout_ms) world.holder = 0;
-    if (world.alive.device) send_all("/device", encode("palpate.v1.DeviceTelemetry", {
-      header: header("device"),
-      counters: { loop: loop(), forceCommand: counters(), answeredTicks: tick, maxForceNewton: 1.35, minimumTrueEnergyJoule: 0, ...world.device },
-      sequence: device.seq, sampledAtNs: device.at, switchedAtNs: device.at, latenessNs: device.late, replyTimeNs: device.reply,
-      measuredHandPositionM: device.hand, measuredToolPositionWorldM: device.tool, forceOnHandNewton: device.force, guard: device.guard, flags: device.flags,
-      measuredToolOrientationWorld: world.orientation ? Array(rows).fill(world.orientation).flat() : [],
-      trueToolPositionWorldM: device.tool, trueToolVelocityWorldMPerS: device.tool, trueEnergyJoule: device.energy, minimumTrueEnergyJoule: device.energy,
-    }));
-    if (world.alive.mofc && world.alive.device) send_all("/mofc", encode("palpate.v1.MofcTelemetry", {
-      header: header("mofc"),
-      counters: {
-        deviceState: counters(), interaction: counters(), ticks: tick, contactTicks: contact_ticks, clampedTicks: clamped_ticks,
-        transparencyIntegralNs: transparency_integral_ns, transparencyTimeNs: transparency_time_ns,
-      },
-      deviceSessionId: mofc.session, deviceSequence: mofc.seq, deviceSampledAtNs: mofc.at, requestedForceOnHandNewton: mofc.asked,
-      commandedForceOnHandNewton: mofc.commanded, fMaxNewton: mofc.bound, ledgerEnergyJoule: mofc.ledger, forceAgeNs: mofc.age, state: mofc.state, flags: mofc.flags,
-    }));
-    if (world.alive.physics) send_all("/physics", encode("palpate.v1.PhysicsTelemetry", {
-      header: header("physics"), counters: { loop: loop(), toolMotion: counters({ skipped: 12n }), worstComputeTimeNs: 90000n },
-      sequence: physics.seq, steppedAtNs: physics.at, deviceSequence: physics.seq, toolPositionWorldM: physics.tool, forceOnToolNewton: physics.force,
-      storedEnergyJoule: physics.depth, contactCount: physics.contacts, computeTimeNs: physics.at, penetrationM: physics.depth, stiffnessNewtonPerM: physics.stiffness,
-    }));
+    const { device: with_device, mofc: with_mofc, physics: with_physics } = world.alive;
+    const headers = {
+      device: with_device ? header("device") : null, mofc: with_device && with_mofc ? header("mofc") : null, physics: with_physics ? header("physics") : null,
+    };
+    const is_to_be_sent = (name, side) => headers[name] && !world.gone.includes(`${side}.${name}`) && is_subscribed(topic_of(side, name));
+    for (const [index, side] of (sides.length > 0 ? sides : [""]).entries()) {
+      const shifted = (places) => (index === 0 ? places : places.map((x, i) => (i % 3 === 0 ? x + kBeside_m * index : x)));
+      if (is_to_be_sent("device", side)) send_all(topic_of(side, "device"), encode("palpate.v1.DeviceTelemetry", {
+        header: headers.device,
+        counters: { loop: loop(), forceCommand: counters(), answeredTicks: tick, maxForceNewton: 1.35, minimumTrueEnergyJoule: 0, ...world.device },
+        sequence: device.seq, sampledAtNs: device.at, switchedAtNs: device.at, latenessNs: device.late, replyTimeNs: device.reply,
+        measuredHandPositionM: device.hand, measuredToolPositionWorldM: shifted(device.tool), forceOnHandNewton: device.force, guard: device.guard, flags: device.flags,
+        measuredToolOrientationWorld: world.orientation ? Array(rows).fill(world.orientation).flat() : [],
+        trueToolPositionWorldM: device.tool, trueToolVelocityWorldMPerS: device.tool, trueEnergyJoule: device.energy, minimumTrueEnergyJoule: device.energy,
+      }));
+      if (is_to_be_sent("mofc", side)) send_all(topic_of(side, "mofc"), encode("palpate.v1.MofcTelemetry", {
+        header: headers.mofc,
+        counters: {
+          deviceState: counters(), interaction: counters(), ticks: tick, contactTicks: contact_ticks, clampedTicks: clamped_ticks,
+          transparencyIntegralNs: transparency_integral_ns, transparencyTimeNs: transparency_time_ns,
+        },
+        deviceSessionId: mofc.session, deviceSequence: mofc.seq, deviceSampledAtNs: mofc.at, requestedForceOnHandNewton: mofc.asked,
+        commandedForceOnHandNewton: mofc.commanded, fMaxNewton: mofc.bound, ledgerEnergyJoule: mofc.ledger, forceAgeNs: mofc.age, state: mofc.state, flags: mofc.flags,
+      }));
+      if (is_to_be_sent("physics", side)) send_all(topic_of(side, "physics"), encode("palpate.v1.PhysicsTelemetry", {
+        header: headers.physics, counters: { loop: loop(), toolMotion: counters({ skipped: 12n }), worstComputeTimeNs: 90000n },
+        sequence: physics.seq, steppedAtNs: physics.at, deviceSequence: physics.seq, toolPositionWorldM: physics.tool, forceOnToolNewton: physics.force,
+        storedEnergyJoule: physics.depth, contactCount: physics.contacts, computeTimeNs: physics.at, penetrationM: physics.depth, stiffnessNewtonPerM: physics.stiffness,
+      }));
+    }
+    applied_newton = device.force.at(-1);
+    requested_newton = mofc.asked.at(-1);
   }
 
   // as the server keeps them
@@ -276,11 +298,22 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   }
 
   const heard_ms = { device: performance.now(), mofc: performance.now(), physics: performance.now() };
+  const silence_s = (name) => 1e-3 * (performance.now() - heard_ms[name]);
   function health() {
+    const state_of = (name, index) => ({
+      name, deviceSessionId: kSessions.device, phase: world.faults[name] ? 5 : 4, deviceFaults: world.faults[name] ? 1n : 0n,
+      lastFault: world.faults[name] ?? 0, guard: world.faults[name] ? 5 : 1,
+      toolPositionWorldM: { ...world.tool, x: world.tool.x + kBeside_m * index }, toolOrientationWorld: { w: 1, x: 0, y: 0, z: 0 },
+      forceOnHandNewton: { x: 0, y: 0, z: applied_newton }, requestedForceOnHandNewton: { x: 0, y: 0, z: requested_newton },
+      handHolder: BigInt(world.holders[name] ?? 0), ...(has_pointer ? { pointer: kPointer } : {}), workspaceScaleRatio: 1,
+    });
+    const nodes = (sides.length > 0 ? sides.map((side) => `${side}.`) : [""]).flatMap((prefix) => Object.keys(heard_ms).map((name) => {
+      const gone_s = world.gone.includes(prefix + name) ? 7 : silence_s(name);
+      return { name: prefix + name, isHeard: gone_s < 1, silenceS: gone_s, sessions: 1n };
+    }));
     for (const name of Object.keys(heard_ms)) if (world.alive[name]) heard_ms[name] = performance.now();
-    const silence_s = (name) => 1e-3 * (performance.now() - heard_ms[name]);
     return encode("palpate.v1.Health", {
-      nodes: Object.keys(heard_ms).map((name) => ({ name, isHeard: silence_s(name) < 1, silenceS: silence_s(name), sessions: 1n })),
+      nodes, sides: sides.map(state_of),
       clients: sockets.clients.size, handHolder: BigInt(world.holder), version: "mock",
       recorder: world.recorder, markers: world.markers, ...(world.replay ? { replay: world.replay } : {}),
       ...(world.task ? { task: world.task } : {}),
@@ -290,7 +323,12 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   // ---- HTTP and WebSocket
   const types = { "/": ["index.html", "text/html; charset=utf-8"], "/app.js": ["app.js", "text/javascript"], "/app.css": ["app.css", "text/css"] };
   const http = createServer((request, response) => {
-    const entry = types[new URL(request.url, "http://x").pathname];
+    const { pathname } = new URL(request.url, "http://x");
+    if (pathname === "/verdict") {
+      response.writeHead(world.refusal === 401 ? 401 : 200).end();
+      return;
+    }
+    const entry = types[pathname];
     if (!entry) {
       response.writeHead(404).end();
       return;
@@ -298,7 +336,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     response.writeHead(200, { "Content-Type": entry[1], "Content-Security-Policy": kContentSecurityPolicy, "X-Content-Type-Options": "nosniff" });
     response.end(readFileSync(join(page, entry[0])));
   });
-  const sockets = new WebSocketServer({ server: http, handleProtocols: (offered) => ["foxglove.websocket.v1", "foxglove.sdk.v1"].find((name) => offered.has(name)) ?? false });
+  const sockets = new WebSocketServer({ server: http, verifyClient: (_, answer) => answer(world.refusal === 0, world.refusal), handleProtocols: (offered) => ["foxglove.websocket.v1", "foxglove.sdk.v1"].find((name) => offered.has(name)) ?? false });
 
   function send(socket, topic, payload) {
     if (world.is_silent) return;
@@ -311,6 +349,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     frame.set(payload, 13);
     socket.send(frame);
   }
+  const is_subscribed = (topic) => [...sockets.clients].some(({ subscriptions }) => subscriptions?.has(topic));
   function send_all(topic, payload) {
     for (const socket of sockets.clients) send(socket, topic, payload);
   }
@@ -340,8 +379,15 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
         findings: ["Found 1 of 2.", "lump: found after 12.0 s, marked 3 mm from its centre.", "cyst: missed. You pressed too lightly: at most 0.8 N over it, and it can be felt from 2.0 N on."],
         figures: [{ label: "time", value: "30.0 s, stopped (limit 60 s)" }, { label: "coverage", value: "81.0 % of 25.0 cm² with 0.50 N or more" }],
       });
+      send_all("/task_map", task_map());
     }
     send_all("/health", health());
+  }
+
+  /** The block's top, 5 cm wide, of which the left half was searched. */
+  function task_map() {
+    const places = Array.from({ length: 2500 }, (_, i) => [-0.025 + 1e-3 * (i % 50), -0.025 + 1e-3 * Math.floor(i / 50), 0]);
+    return encode("palpate.v1.TaskMap", { placesM: bytes_of(Float32Array.from(places.flat())), isSearched: Uint8Array.from(places, ([x]) => (x < 0 ? 1 : 0)) });
   }
 
   function take_request({ marker, markerKind, seekS, isPaused, speedRatio, isRecording }) {
@@ -361,17 +407,17 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   }
 
   sockets.on("connection", (socket) => {
-    const topics = Object.keys(kTopics);
+    const topics = Object.keys(all_topics);
     socket.subscriptions = new Map();
     socket.client_id = next_client++;
     socket.published = new Map();
     socket.send(JSON.stringify({
       op: "serverInfo", name: "mock", capabilities: ["clientPublish"], supportedEncodings: ["protobuf"],
-      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock", client_topics: [...(has_pointer ? ["/hand_target"] : []), ...(has_control ? ["/tissue_change", "/acknowledgement"] : []), "/run_request"].join(" ") },
+      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock", client_topics: [...(has_pointer ? (sides.length > 0 ? sides.map((side) => `/${side}/hand_target`) : ["/hand_target"]) : []), ...(has_control ? ["/tissue_change", "/acknowledgement"] : []), "/run_request"].join(" ") },
     }));
     socket.send(JSON.stringify({
       op: "advertise",
-      channels: topics.map((topic, i) => ({ id: i + 1, topic, encoding: "protobuf", schemaName: kTopics[topic], schemaEncoding: "protobuf", schema: set.toString("base64") })),
+      channels: topics.map((topic, i) => ({ id: i + 1, topic, encoding: "protobuf", schemaName: all_topics[topic], schemaEncoding: "protobuf", schema: set.toString("base64") })),
     }));
     socket.on("message", (data, is_binary) => {
       if (!is_binary) {
@@ -385,11 +431,13 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
             if (topic === "/mesh" && world.alive.physics) send(socket, topic, mesh_frame());
           }
         } else if (message.op === "advertise") {
-          for (const channel of message.channels) socket.published.set(channel.id, channel.schemaName);
+          for (const channel of message.channels) socket.published.set(channel.id, { schema: channel.schemaName, topic: channel.topic });
+        } else if (message.op === "unsubscribe") {
+          for (const [topic, id] of socket.subscriptions) if (message.subscriptionIds.includes(id)) socket.subscriptions.delete(topic);
         }
         return;
       }
-      const published = socket.published.get(data.readUInt32LE(1));
+      const { schema: published, topic } = socket.published.get(data.readUInt32LE(1)) ?? {};
       if (data[0] === 1 && published === "palpate.v1.TissueChange") {
         take_change(fromBinary(schema(published), data.subarray(5)));
         return;
@@ -410,9 +458,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
         return;
       }
       world.holder = message.isReleased ? 0 : socket.client_id;
+      world.holders = { [topic.split("/")[1]]: world.holder };
       held_ms = performance.now();
       target = message.handPositionM;
-      world.targets.push({ client: socket.client_id, ...target, is_released: message.isReleased, at_ms: held_ms });
+      world.targets.push({ client: socket.client_id, topic, ...target, is_released: message.isReleased, at_ms: held_ms });
     });
     socket.on("close", () => {
       if (world.holder === socket.client_id) world.holder = 0;
@@ -439,6 +488,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     world,
     url: `http://127.0.0.1:${http.address().port}/`,
     write_log,
+    /** Topics to which any page subscribes. */
+    subscribed: () => Object.keys(all_topics).filter(is_subscribed),
     change_scene: () => {
       world.revision += 1n;
       send_all("/scene_state", scene_state());

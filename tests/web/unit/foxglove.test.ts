@@ -55,7 +55,7 @@ function client_of(topics: string[]) {
   const client = new FoxgloveClient("ws://x/",
     (topic) => (topics.includes(topic) ? ({ seconds }: { seconds: bigint }) => taken.push({ topic, seconds }) : undefined),
     {
-      opened: () => events.push("opened"), closed: () => events.push("closed"),
+      advertised: () => {}, opened: () => events.push("opened"), closed: () => events.push("closed"),
       server_info: ({ capabilities }) => events.push(`info ${capabilities}`), status: ({ message }) => events.push(message),
     });
   FakeSocket.newest.open();
@@ -64,6 +64,23 @@ function client_of(topics: string[]) {
 const channel = (id: number, topic: string, more = {}) =>
   ({ id, topic, encoding: "protobuf", schemaName: "google.protobuf.Timestamp", schema: kBoth, ...more });
 const timestamp = (seconds: number) => toBinary(TimestampSchema, create(TimestampSchema, { seconds: BigInt(seconds) }));
+
+test("after a review just the topics with a handler are subscribed to", () => {
+  const topics = ["/a", "/left/b"];
+  const { client, socket, taken } = client_of(topics);
+  socket.text({ op: "advertise", channels: [channel(5, "/a"), channel(6, "/left/b"), channel(7, "/right/b")] });
+  const [, left] = socket.last_json.subscriptions;
+  topics.splice(0, 2, "/a", "/right/b");
+
+  client.review();
+
+  assert.deepEqual(JSON.parse(socket.sent.at(-2) as string), { op: "unsubscribe", subscriptionIds: [left.id] });
+  const { op, subscriptions: [right, ...more] } = socket.last_json;
+  assert.deepEqual({ op, channel: right.channelId, more }, { op: "subscribe", channel: 7, more: [] });
+  socket.data(left.id, timestamp(1)); // was on its way
+  socket.data(right.id, timestamp(2));
+  assert.deepEqual(taken, [{ topic: "/right/b", seconds: 2n }]);
+});
 
 test("both names of the protocol are offered", () => {
   const { socket } = client_of([]);

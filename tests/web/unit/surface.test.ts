@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from "node:assert/strict";
 import test from "node:test";
-import { round_up, table_row } from "../../../viewer_node/web/src/colours";
-import { scene_signature, Surface } from "../../../viewer_node/web/src/surface";
+import { round_up, table_row } from "../../../viewer_node/web/src/scene/colours";
+import { scene_signature, Surface } from "../../../viewer_node/web/src/scene/surface";
 import type { MeshFrame, TissueSurface } from "../../../viewer_node/web/src/wire";
 
 const bytes_of = (array: Float32Array | Uint32Array) => new Uint8Array(array.buffer);
@@ -143,6 +143,64 @@ function cube(): TissueSurface {
   const triangles = quads.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
   return square({ verticesM: bytes_of(Float32Array.from(vertices)), triangles: bytes_of(Uint32Array.from(triangles)) });
 }
+
+// a bumpy sheet of n × n squares, 1 mm wide
+function sheet(n: number): TissueSurface {
+  const vertices: number[] = [], triangles: number[] = [];
+  for (let i = 0; i <= n; ++i) {
+    for (let j = 0; j <= n; ++j) vertices.push(1e-3 * i, 1e-3 * j, 2e-4 * Math.sin(0.7 * i) * Math.cos(0.4 * j));
+  }
+  for (let i = 0; i < n; ++i) {
+    for (let j = 0; j < n; ++j) {
+      const a = i * (n + 1) + j;
+      triangles.push(a, a + n + 1, a + 1, a + 1, a + n + 1, a + n + 2);
+    }
+  }
+  return square({ verticesM: bytes_of(Float32Array.from(vertices)), triangles: bytes_of(Uint32Array.from(triangles)) });
+}
+
+for (const [vertices, words] of [[30, "few"], [1500, "most"]] as const) {
+  test(`after ${words} vertices have moved, every normal is that of the new shape`, () => {
+    const surface = new Surface(sheet(40));
+    for (const depth_m of [3e-3, 1e-3, 0]) { // down, and up again
+      const first = 100;
+      const moved = [...surface.rest.slice(3 * first, 3 * (first + vertices))].map((x, i) => (i % 3 === 2 ? x - depth_m * Math.abs(Math.sin(i)) : x));
+      assert.ok(surface.take(frame(first, moved)));
+
+      const normals = new Float32Array(surface.normal.length);
+      const at = (v: number) => [...surface.position.slice(3 * v, 3 * v + 3)];
+      for (let t = 0; t < surface.triangles.length; t += 3) {
+        const corners = [...surface.triangles.slice(t, t + 3)];
+        const [a, b, c] = corners.map(at);
+        const [u, v] = [b, c].map((end) => end.map((x, k) => x - a[k]));
+        const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        for (const corner of corners) n.forEach((x, k) => { normals[3 * corner + k] += x; });
+      }
+      for (let v = 0; v < normals.length; v += 3) {
+        const length = Math.hypot(...normals.slice(v, v + 3));
+        for (let k = 0; k < 3; ++k) assert.ok(Math.abs(surface.normal[v + k] - normals[v + k] / length) < 1e-3, `vertex ${v / 3}`);
+      }
+    }
+  });
+}
+
+test("the highest vertex below the tool, of the shape as it is", () => {
+  const surface = new Surface(sheet(40));
+  const below = (x: number, y: number, z: number) => {
+    let best = -Infinity;
+    for (let i = 0; i < surface.position.length; i += 3) {
+      const [px, py, pz] = [surface.position[i] + surface.offset_m.x, surface.position[i + 1], surface.position[i + 2]];
+      if (pz < z && pz > best && Math.abs(px - x) < 2.5e-3 && Math.abs(py - y) < 2.5e-3) best = pz;
+    }
+    return best;
+  };
+  // a fold: some vertices lie far from their place at rest
+  const folded = [...surface.rest.slice(300, 600)].map((x, i) => (i % 3 === 0 ? x + 9e-3 : i % 3 === 2 ? x + 4e-3 : x));
+  assert.ok(surface.take({ ...frame(100, folded), displacementWorldM: { x: 5e-3, y: 0, z: 0 } }));
+  for (const x of [-0.01, 0, 0.005, 0.013, 0.02, 0.046]) {
+    for (const z of [-1, 1e-3, 0.1]) assert.equal(surface.height_below({ x, y: 0.02, z }, 2.5e-3), below(x, 0.02, z));
+  }
+});
 
 test("edges above 40° are sharp: each face of a cube has its own normal", () => {
   const surface = new Surface(cube());

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // acknowledge.ts: a person acknowledges a device that waits for it, with viewer { control: true }.
 import { make, write } from "./card";
-import type { Telemetry } from "./telemetry";
 import { kFaultReasons, Phase, type Acknowledgement } from "./wire";
 
 /** What a person does before the acknowledgement; null: the device waits for none. */
@@ -18,6 +17,15 @@ export function wait_words({ phase, lastFault }: { phase: number; lastFault: num
   }
 }
 
+/** What is shown of a device. */
+export interface ShownDevice {
+  side: string; // "" where there is one
+  session: bigint;
+  phase: number;
+  deviceFaults: bigint;
+  lastFault: number;
+}
+
 /** A line with a button for each device that waits. */
 export class AcknowledgeControl {
   can_publish = false;
@@ -25,21 +33,23 @@ export class AcknowledgeControl {
 
   constructor(private readonly element: HTMLElement, private readonly publish: (seen: Acknowledgement) => boolean) {}
 
-  write(sides: Iterable<[string, Telemetry]>, is_connected: boolean, now_s: number): void {
-    for (const [side, telemetry] of sides) {
-      const batch = telemetry.device_batch;
-      const is_live = this.can_publish && is_connected && !telemetry.health?.replay;
-      const is_known = is_live && batch !== null && telemetry.is_fresh("device", now_s);
-      const words = is_known ? wait_words(batch.counters) : null;
-      if (words === null) {
-        this.lines.get(side)?.line.remove();
-        this.lines.delete(side);
-        continue;
-      }
+  /** @param devices  whose state is known now */
+  write(devices: ShownDevice[]): void {
+    const waiting = new Set<string>();
+    for (const device of this.can_publish ? devices : []) {
+      const { side, session, phase, deviceFaults } = device;
+      const words = wait_words(device);
+      if (words === null) continue;
+      waiting.add(side);
       const shown = this.lines.get(side) ?? this.add(side);
       // what the button sends is what stands beside it
-      shown.seen = { deviceSessionId: batch!.header.sessionId, phase: batch!.counters.phase, deviceFaults: batch!.counters.deviceFaults };
+      shown.seen = { deviceSessionId: session, phase, deviceFaults };
       write(shown.words, side ? `${side}: ${words}` : words);
+    }
+    for (const [side, { line }] of this.lines) {
+      if (waiting.has(side)) continue;
+      line.remove();
+      this.lines.delete(side);
     }
   }
 

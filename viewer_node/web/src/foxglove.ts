@@ -37,6 +37,8 @@ export interface ServerStatus {
 }
 
 export interface Events {
+  /** All channels of the server are known. */
+  advertised(topics: string[]): void;
   opened(): void;
   closed(): void;
   server_info(info: { sessionId: string; capabilities: string[]; metadata: Record<string, string> }): void;
@@ -59,12 +61,13 @@ export class FoxgloveClient {
   private socket: WebSocket | null = null;
   private readonly subscriptions = new Map<number, Subscription>(); // by our own id
   private readonly subscription_of_channel = new Map<number, number>();
+  private readonly channels = new Map<number, Channel>(); // advertised
   private readonly registries = new Map<string, FileRegistry>(); // by schema text
   private readonly published = new Map<string, { id: number; schema: DescMessage }>(); // by topic
   private next_id = 1;
   private retry_ms = kFirstRetry_ms;
 
-  /** @param handler_of  a topic; topics without one are not subscribed to */
+  /** @param handler_of  a topic; topics without one are not subscribed to, see review() */
   constructor(
     private readonly url: string,
     private readonly handler_of: (topic: string) => Handler | undefined,
@@ -117,6 +120,7 @@ export class FoxgloveClient {
       this.socket = null;
       this.subscriptions.clear();
       this.subscription_of_channel.clear();
+      this.channels.clear();
       this.published.clear();
       this.events.closed();
       setTimeout(() => this.connect(), with_jitter(this.retry_ms));
@@ -133,10 +137,13 @@ export class FoxgloveClient {
         this.events.server_info({ metadata: {}, capabilities: [], ...message });
         break;
       case "advertise":
-        this.subscribe(message.channels);
+        for (const channel of message.channels as Channel[]) this.channels.set(channel.id, channel);
+        this.events.advertised([...this.channels.values()].map(({ topic }) => topic));
+        this.review();
         break;
       case "unadvertise":
         for (const channel of message.channelIds as number[]) {
+          this.channels.delete(channel);
           const id = this.subscription_of_channel.get(channel);
           if (id !== undefined) this.subscriptions.delete(id);
           this.subscription_of_channel.delete(channel);
@@ -159,18 +166,28 @@ export class FoxgloveClient {
     subscription.handler(message as Message as never, 1e-9 * Number(view.getBigUint64(5, true)));
   }
 
-  private subscribe(channels: Channel[]): void {
+  /** Subscribes to the topics that have a handler, and no longer to those that had one. */
+  review(): void {
+    if (!this.is_open) return;
     const requested: { id: number; channelId: number }[] = [];
-    for (const channel of channels) {
+    const ended: number[] = [];
+    for (const channel of this.channels.values()) {
       const handler = this.handler_of(channel.topic);
-      if (channel.encoding !== "protobuf" || this.subscription_of_channel.has(channel.id)) continue;
+      const known = this.subscription_of_channel.get(channel.id);
+      if (known !== undefined && !handler) {
+        ended.push(known);
+        this.subscriptions.delete(known);
+        this.subscription_of_channel.delete(channel.id);
+      }
+      if (channel.encoding !== "protobuf" || known !== undefined || !handler) continue;
       const schema = this.registry_of(channel).getMessage(channel.schemaName);
-      if (!handler || !schema) continue;
+      if (!schema) continue;
       const id = this.next_id++;
       this.subscriptions.set(id, { topic: channel.topic, schema, handler });
       this.subscription_of_channel.set(channel.id, id);
       requested.push({ id, channelId: channel.id });
     }
+    if (ended.length > 0) this.send_text({ op: "unsubscribe", subscriptionIds: ended });
     if (requested.length > 0) this.send_text({ op: "subscribe", subscriptions: requested });
   }
 

@@ -2,9 +2,9 @@
 // hand.ts: touch with the pointer. Dragging the tool moves the target of a simulated hand in the
 // plane of the picture; the wheel, Shift or a second finger moves it in depth. The only
 // message from the page to the nodes; the server and the hand limit it again.
-import type { SceneView } from "./scene_view";
-import { norm, type Telemetry } from "./telemetry";
-import type { SceneState, Vector3 } from "./wire";
+import type { SceneView } from "./scene/scene_view";
+import { norm } from "./telemetry";
+import type { PointerHand, Vector3 } from "./wire";
 
 const kGrabRadius_px = { mouse: 26, pen: 30, touch: 44 };
 const kLeastPeriod_s = 1 / 60;
@@ -13,6 +13,8 @@ const kKeepAlive_s = 0.1; // while the target rests
 const kKeyStep_m = 0.001;
 const kKeyHold_s = 1.5; // after the last key the hand is released
 const kWheelStep_m = 0.00002; // per pixel that the wheel reports
+
+const kScrollingLayout = "(max-width: 1000px)"; // as in style.css
 
 const seconds = () => 1e-3 * performance.now();
 
@@ -24,6 +26,16 @@ export interface HandStatus {
   is_held: boolean;
 }
 
+/** The hand that the page may lead: that of the side on display. */
+export interface Led {
+  pointer: PointerHand | undefined; // undefined: it follows no page
+  workspace_scale_ratio: number;
+  holder: bigint; // a client; 0: none
+  is_replay: boolean;
+  hand_m: Vector3; // D
+  tool_m: Vector3; // W, of the same tick
+}
+
 export class HandControl {
   sent_count = 0;
   is_touching = false; // the toggle: drag anywhere
@@ -32,7 +44,6 @@ export class HandControl {
   /** W, while held. */
   readonly target: Vector3 = { x: 0, y: 0, z: 0 };
 
-  private scene: SceneState | null = null;
   private pointer: number | null = null;
   private depth_pointer: number | null = null;
   private last = { x: 0, y: 0 };
@@ -46,7 +57,7 @@ export class HandControl {
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly view: SceneView,
-    private readonly telemetry: Telemetry,
+    private readonly led: () => Led,
     private readonly publish: (fields: { handPositionM: Vector3; isReleased: boolean }) => boolean) {
     // before OrbitControls, which listens on the canvas itself
     const area = canvas.parentElement!;
@@ -55,6 +66,17 @@ export class HandControl {
     for (const kind of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
       canvas.addEventListener(kind, (event) => this.pointer_up(event));
     }
+    // a finger that takes the tool does not scroll the page
+    canvas.addEventListener("touchstart", (event) => {
+      const [finger] = event.touches;
+      const at = { clientX: finger.clientX, clientY: finger.clientY, pointerType: "touch" };
+      if (this.is_held || (this.is_allowed && (this.is_touching || this.is_over_tool(at)))) event.preventDefault();
+    }, { passive: false });
+    // where the page scrolls, the wheel zooms only once the picture has been clicked
+    const scrolls = matchMedia(kScrollingLayout);
+    area.addEventListener("wheel", (event) => {
+      if (scrolls.matches && !event.ctrlKey && document.activeElement !== canvas && !this.is_held) event.stopPropagation();
+    }, { capture: true });
     area.addEventListener("wheel", (event) => {
       if (!this.is_held || event.target !== canvas) return;
       event.preventDefault();
@@ -70,7 +92,7 @@ export class HandControl {
   }
 
   get status(): HandStatus {
-    const holder = this.telemetry.health?.handHolder ?? 0n;
+    const { holder } = this.led();
     return {
       is_allowed: this.is_allowed,
       is_mine: holder === 0n ? this.is_held : holder === this.client_id,
@@ -79,8 +101,8 @@ export class HandControl {
     };
   }
 
-  set_scene(scene: SceneState): void {
-    this.scene = scene;
+  /** What may be led has changed. */
+  review(): void {
     if (!this.is_allowed) this.release();
   }
 
@@ -144,7 +166,8 @@ export class HandControl {
   }
 
   private get is_allowed(): boolean {
-    return this.can_publish && !this.telemetry.health?.replay && this.scene?.pointer !== undefined && Number.isFinite(this.telemetry.tool_m.x);
+    const { pointer, is_replay, tool_m } = this.led();
+    return this.can_publish && !is_replay && pointer !== undefined && Number.isFinite(tool_m.x);
   }
 
   private pointer_down(event: PointerEvent): void {
@@ -186,15 +209,15 @@ export class HandControl {
     else if (event.pointerId === this.pointer) this.release();
   }
 
-  private is_over_tool(event: PointerEvent): boolean {
+  private is_over_tool(event: Pick<PointerEvent, "clientX" | "clientY" | "pointerType">): boolean {
     const box = this.canvas.getBoundingClientRect();
-    const tool = this.view.project(this.telemetry.tool_m);
+    const tool = this.view.project(this.led().tool_m);
     const reach = (kGrabRadius_px[event.pointerType as "mouse"] ?? kGrabRadius_px.mouse) + this.view.tool_radius_px;
     return Math.hypot(event.clientX - box.left - tool.x, event.clientY - box.top - tool.y) < reach;
   }
 
   private begin(): void {
-    Object.assign(this.target, this.telemetry.tool_m);
+    Object.assign(this.target, this.led().tool_m);
     this.is_moved = true;
     this.view.set_target(this.target);
     this.send(false);
@@ -211,8 +234,7 @@ export class HandControl {
 
   // tool = hand · scale + offset; the offset from one tick of telemetry
   private hand_of(tool: Vector3): Vector3 {
-    const { hand_m, tool_m } = this.telemetry;
-    const scale = this.scene!.workspaceScaleRatio;
+    const { hand_m, tool_m, workspace_scale_ratio: scale } = this.led();
     return {
       x: hand_m.x + (tool.x - tool_m.x) / scale,
       y: hand_m.y + (tool.y - tool_m.y) / scale,
@@ -221,12 +243,13 @@ export class HandControl {
   }
 
   private keep_within_reach(): void {
-    const { centerM, reachM } = this.scene!.pointer!;
+    const { pointer, workspace_scale_ratio } = this.led();
+    const { centerM, reachM } = pointer!;
     const hand = this.hand_of(this.target);
     const offset = { x: hand.x - centerM.x, y: hand.y - centerM.y, z: hand.z - centerM.z };
     const excess = 1 - reachM / norm(offset);
     if (!(excess > 0)) return;
-    const scale = this.scene!.workspaceScaleRatio * excess;
+    const scale = workspace_scale_ratio * excess;
     this.target.x -= scale * offset.x;
     this.target.y -= scale * offset.y;
     this.target.z -= scale * offset.z;

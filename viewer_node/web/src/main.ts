@@ -2,25 +2,28 @@
 // main.ts: connects the stream to the 3-D view, the plots and the texts.
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
-import { AcknowledgeControl } from "./acknowledge";
+import { AcknowledgeControl, type ShownDevice } from "./acknowledge";
 import { make, write, type Palette, type View } from "./card";
+import { refusal_words } from "./connection";
 import { TissueControl } from "./control";
-import { Timeline } from "./events";
+import { Timeline, type SessionEvent } from "./events";
 import { FoxgloveClient, type Handler } from "./foxglove";
-import { HandControl } from "./hand";
+import { HandControl, type Led } from "./hand";
+import { Hints } from "./hints";
 import {
   announcement, banner_lines, by_id, Counters, lost_lines, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
   write_session, write_state, write_tissues,
 } from "./panels";
 import { Plots, type ForceAxis } from "./plots";
 import { RunControl } from "./run";
-import { SceneView } from "./scene_view";
+import { SceneView } from "./scene/scene_view";
+import { Sides } from "./sides";
 import { forces_of, kNoForce, state_words, verdict_of } from "./state";
-import { scene_signature, Surface, type ColourMode } from "./surface";
+import { floats_of, scene_signature, Surface, type ColourMode } from "./scene/surface";
 import { kNodes, norm, Telemetry, type NodeName } from "./telemetry";
 import { TaskPanel } from "./task";
 import { TimelineCard } from "./timeline";
-import type { DeviceTelemetry, Health, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
+import type { DeviceTelemetry, Health, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState, TaskMap } from "./wire";
 
 // About the time in which a curve moves by a pixel.
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
@@ -36,9 +39,8 @@ const seconds = () => 1e-3 * performance.now();
 /** By side: the last word on a run, shown when its server has gone. */
 const verdicts = new Map<string, string>();
 
-const sides = new Map<string, Telemetry>(); // of each device by its name; "" where there is one
-const led = new Telemetry(); // of the first, whose hand a page can lead
-let telemetry = led; // the side on display
+let telemetry = new Telemetry(); // of the side on display
+const sides = new Sides(by_id("sides"), by_id("scene"), () => show_side());
 const canvas = by_id<HTMLCanvasElement>("canvas");
 const view = new SceneView(canvas);
 by_id("no-webgl").hidden = view.can_draw;
@@ -52,7 +54,7 @@ const control = new TissueControl(by_id("plots"),
   (change) => client.publish("/tissue_change", "palpate.v1.TissueChange", { ...change }));
 const acknowledge = new AcknowledgeControl(by_id("acknowledge"),
   (seen) => client.publish("/acknowledgement", "palpate.v1.Acknowledgement", { ...seen }));
-const run = new RunControl(by_id("tools"), by_id("replay"),
+const run = new RunControl(by_id("tools"), by_id("replay"), timeline_card.marker_text,
   (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
 const task = new TaskPanel(by_id("task"),
   (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
@@ -64,7 +66,6 @@ let scene: SceneState | null = null;
 let is_scene_current = false; // false after a new connection: the motion since is unknown
 let scene_builds = 0;
 let surfaces: Surface[] = [];
-let signature = "";
 let early: MeshFrame[] = []; // the newest frames whose scene has not arrived yet
 let early_steps: MeshSteps | null = null; // likewise; each is complete
 let mode: ColourMode = "material";
@@ -75,7 +76,9 @@ let paused_physics_s = NaN; // physics' clock
 let is_open = false;
 const begun_s = seconds();
 let has_been_connected = false;
+let refusal = ""; // why the last attempt to connect failed, if that is known
 let status = { text: "", until_s: -Infinity };
+let map: { places: Float32Array; is_searched: Uint8Array } | null = null; // of a task that has ended
 let mesh_frames = 0;
 let mesh_cost_s = 0;
 let plot_draws = 0;
@@ -86,82 +89,125 @@ const handlers: Record<string, Handler> = {
   "/scene_state": (message: SceneState) => take_scene(message),
   "/mesh": (message: MeshFrame) => take_mesh(message),
   "/mesh_steps": (message: MeshSteps) => take_mesh_steps(message),
+  "/task_map": (message: TaskMap) => {
+    map = { places: floats_of(message.placesM), is_searched: message.isSearched.slice() };
+    show_map();
+  },
   "/log": (message: Log) => {
     const event = timeline.take(message);
     if (event) {
       control.take(event);
-      // what ended or returned needs no line
-      const is_drawn = event.tone !== "calm" || event.lane === "changes";
-      if (is_drawn) for (const one of new Set([led, ...sides.values()])) one.mark(event.at_s, event.tone, event.text);
+      mark(event);
     }
     const verdict = verdict_of(message.message);
     if (verdict) verdicts.set(verdict.side, verdict.words);
   },
   "/health": (message: Health) => {
-    sides.forEach((one, side) => one.take_health(message, seconds(), side));
+    take_sides(message);
+    telemetry.take_health(message, seconds(), sides.shown);
+    hand.review();
     task.take(message);
+    if (map && !task.has_ended) { // a replay that has gone back
+      map = null;
+      show_map();
+    }
     const marker = run.take(message);
     if (marker) status = { text: `Marked: ${marker}`, until_s: seconds() + kMarkerShown_s };
   },
 };
 
-/** "/device", or "/left/device" of a side. */
-function handler_of(topic: string): Handler | undefined {
-  const [, side = "", kind] = /^(?:\/([\w-]+))?\/(device|mofc|physics)$/.exec(topic) ?? [];
-  if (kind === undefined) return handlers[topic];
-  const one = sides.get(side) ?? add_side(side);
-  if (kind === "device") return (message: DeviceTelemetry, wall_s: number) => one.take_device(message, seconds(), wall_s);
-  if (kind === "mofc") return (message: MofcTelemetry) => one.take_mofc(message, seconds());
-  return (message: PhysicsTelemetry) => one.take_physics(message, seconds());
+function show_map(): void {
+  const has_map = map !== null && map.places.length > 0;
+  view.set_map(has_map ? map : null);
+  task.has_map = has_map;
 }
 
-function add_side(side: string): Telemetry {
-  const one = sides.size === 0 ? led : new Telemetry();
-  sides.set(side, one);
-  if (sides.size < 2) return one;
-  const list = make("div", "segments");
-  list.setAttribute("role", "radiogroup");
-  list.setAttribute("aria-label", "Side on display");
-  by_id("sides").replaceChildren(list);
-  segments<string>(list, [...sides.keys()].map((name) => [name, name]), [...sides.keys()][0], (chosen) => {
-    telemetry = sides.get(chosen)!;
-    paused_s = telemetry.now_s;
-    paused_physics_s = telemetry.physics.newest_s;
-    plots_due_s = words_due_s = 0;
-  });
-  return one;
+/** "/device", or "/left/device" of a side. */
+const kOfSide = /^(?:\/([\w-]+))?\/(device|mofc|physics)$/;
+
+/** Of the sides only the one on display is subscribed to. */
+function handler_of(topic: string): Handler | undefined {
+  const [, side = "", kind] = kOfSide.exec(topic) ?? [];
+  if (kind === undefined) return handlers[topic];
+  if (side !== sides.shown) return undefined;
+  if (kind === "device") return (message: DeviceTelemetry, wall_s: number) => telemetry.take_device(message, seconds(), wall_s);
+  if (kind === "mofc") return (message: MofcTelemetry) => telemetry.take_mofc(message, seconds());
+  return (message: PhysicsTelemetry) => telemetry.take_physics(message, seconds());
 }
+
+/** Shows an event in the plots; what ended or returned needs no line. */
+function mark(event: SessionEvent): void {
+  if (event.tone !== "calm" || event.lane === "changes") telemetry.mark(event.at_s, event.tone, event.text);
+}
+
+/** Another side is on display: its figures begin now. */
+function show_side(): void {
+  hand.release();
+  touch(false);
+  telemetry = new Telemetry();
+  for (const event of timeline.events) mark(event);
+  view.shown_side = sides.are_many ? 0 : sides.index;
+  allow_hand();
+  if (is_paused) pause(false);
+  client.review();
+  plots_due_s = words_due_s = 0;
+}
+
+/** The topics on which this page may publish. */
+let accepted: string[] = [];
+function allow_hand(): void {
+  hand.can_publish = accepted.includes(hand_topic());
+  hand.review();
+}
+const hand_topic = () => (sides.shown ? `/${sides.shown}/hand_target` : "/hand_target");
 
 const client = new FoxgloveClient(
   `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`,
   handler_of,
   {
+    advertised(topics) {
+      sides.set_names([...new Set(topics.flatMap((topic) => kOfSide.exec(topic)?.slice(1, 2).map((side) => side ?? "") ?? []))]);
+      allow_hand();
+    },
     opened() {
       is_open = has_been_connected = true;
+      refusal = "";
       verdicts.clear();
       is_scene_current = false;
     },
     closed() {
       is_open = false;
       hand.forget();
+      if (verdicts.size > 0) return;
+      void refusal_words(location.search, location.host).then((words) => { if (!is_open) refusal = words; });
     },
     server_info({ metadata }) {
-      const accepted = (metadata.client_topics ?? "").split(" ");
-      hand.can_publish = accepted.includes("/hand_target");
+      accepted = (metadata.client_topics ?? "").split(" ");
       control.can_publish = accepted.includes("/tissue_change");
       acknowledge.can_publish = accepted.includes("/acknowledgement");
       run.can_publish = task.can_publish = accepted.includes("/run_request");
       hand.client_id = BigInt(metadata.client_id ?? 0);
     },
     status({ level, id, message }) {
-      if (level < 1 || id === "hand") return; // the hand's panel shows the holder
+      if (level < 1 || /(^|\.)hand$/.test(id ?? "")) return; // the hand's panel shows the holder
       const text = id === "send_buffer" ? "This page reads too slowly: messages are dropped." : `Server: ${message}`;
       status = { text, until_s: seconds() + kStatusShown_s };
     },
   });
 
-const hand = new HandControl(canvas, view, led,
-  (fields) => client.publish("/hand_target", "palpate.v1.HandTarget", fields));
+/** The hand of the side on display. */
+function led(): Led {
+  const { state } = sides; // undefined: there is one device
+  const { health, hand_m, tool_m } = telemetry;
+  return {
+    pointer: state ? state.pointer : scene?.pointer,
+    workspace_scale_ratio: state ? state.workspaceScaleRatio : scene?.workspaceScaleRatio ?? NaN,
+    holder: (state ? state.handHolder : health?.handHolder) ?? 0n,
+    is_replay: health?.replay !== undefined, hand_m, tool_m,
+  };
+}
+const hand = new HandControl(canvas, view, led, (fields) => client.publish(hand_topic(), "palpate.v1.HandTarget", fields));
+new Hints(document.body);
 
 // An open socket to a stalled server does not count as a connection.
 const server_silence_s = () => seconds() - Math.max(begun_s, 1e-3 * client.heard_ms);
@@ -175,10 +221,9 @@ function take_scene(message: SceneState): void {
   is_scene_current = true;
   scene_builds += 1;
   surfaces = taken;
-  signature = scene_signature(surfaces);
   view.set_surfaces(surfaces, scene, scene.peakForceNewton);
   show_reach();
-  hand.set_scene(scene);
+  hand.review();
   control.set_scene(scene);
   write_hand(hand.status, hand.is_touching);
   write_session(scene);
@@ -242,9 +287,27 @@ const strain_choice = by_id("colours").querySelector<HTMLButtonElement>("[data-v
 strain_choice.hidden = true; // until an elastic body reports it
 
 function set_tools(): void {
-  [...sides.values()].forEach((one, index) => {
-    const { requested, applied } = forces_of(one, is_connected(), seconds());
-    view.set_tool(one.tool_m, one.tool_orientation, requested ?? kNoForce, applied ?? kNoForce, index);
+  const { requested, applied } = forces_of(telemetry, is_connected(), seconds());
+  view.set_tool(telemetry.tool_m, telemetry.tool_orientation, requested ?? kNoForce, applied ?? kNoForce, view.shown_side);
+  if (sides.are_many) return; // see take_sides()
+  sides.states.forEach((side, index) => {
+    const { toolPositionWorldM: tool_m, toolOrientationWorld: turned } = side;
+    if (index === sides.index || !tool_m || !turned) return;
+    const is_known = is_connected() && sides.is_heard(side.name);
+    view.set_tool(tool_m, turned, (is_known && side.requestedForceOnHandNewton) || kNoForce, (is_known && side.forceOnHandNewton) || kNoForce, index);
+  });
+}
+/** Of many sides those that are not on display are drawn as often as /health comes. */
+function take_sides(message: Health): void {
+  sides.take(message);
+  if (!sides.are_many || is_paused) return;
+  view.set_others(sides.states.flatMap(({ toolPositionWorldM }, index) => (index !== sides.index && toolPositionWorldM ? [toolPositionWorldM] : [])));
+}
+function label_tools(): void {
+  if (sides.names.length < 2) return;
+  sides.states.forEach((side, index) => {
+    const tool_m = index === sides.index ? telemetry.tool_m : side.toolPositionWorldM;
+    sides.label(index, tool_m && Number.isFinite(tool_m.x) ? view.project(tool_m) : null);
   });
 }
 
@@ -293,9 +356,13 @@ by_id("touch-toggle").addEventListener("click", () => {
   if (hand.is_touching) canvas.focus();
 });
 
+let kept_theme: string | null = null;
+try {
+  kept_theme = localStorage.getItem("theme");
+} catch { /* storage is blocked: the theme lasts as long as the page */ }
 const prefers_dark = matchMedia("(prefers-color-scheme: dark)");
 function dress(): void {
-  const chosen = localStorage.getItem("theme");
+  const chosen = kept_theme;
   const root = document.documentElement;
   root.dataset.theme = chosen ?? (prefers_dark.matches ? "dark" : "light");
   const styles = getComputedStyle(root);
@@ -310,7 +377,10 @@ function dress(): void {
 }
 by_id("theme").addEventListener("click", () => {
   const now = document.documentElement.dataset.theme;
-  localStorage.setItem("theme", now === "dark" ? "light" : "dark");
+  kept_theme = now === "dark" ? "light" : "dark";
+  try {
+    localStorage.setItem("theme", kept_theme);
+  } catch { /* as above */ }
   dress();
 });
 prefers_dark.addEventListener("change", dress);
@@ -373,7 +443,7 @@ function picture(): void {
   frame_s += 0.1 * (Math.min(now_s - picture_s, 1) - frame_s);
   picture_s = now_s;
   if (!is_paused) set_tools();
-  view.draw();
+  if (view.draw()) label_tools();
   const display = shown(now_s);
   const fresh = kNodes.filter((name) => display.is_fresh[name]).join();
   if (fresh !== was_fresh) words_due_s = 0; // withdrawn at once
@@ -402,18 +472,28 @@ function say(now_s: number, display: View): void {
   chips.write(telemetry, scene, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
   write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
-  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, now_s));
+  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, sides.problems(), now_s));
   write_hand(hand.status, hand.is_touching);
-  acknowledge.write(sides, is_connected(), now_s);
+  acknowledge.write(devices(now_s));
   counters.write(telemetry);
   if (mode === "displacement" || mode === "strain") write_scale(view, mode);
 }
 
+/** Those whose state is known now. */
+function devices(now_s: number): ShownDevice[] {
+  if (!is_connected() || telemetry.health?.replay) return [];
+  if (sides.states.length > 0) {
+    return sides.states.filter(({ name }) => sides.is_heard(name)).map((side) => ({ ...side, side: side.name, session: side.deviceSessionId }));
+  }
+  const batch = telemetry.device_batch;
+  return batch && telemetry.is_fresh("device", now_s) ? [{ ...batch.counters, side: "", session: batch.header.sessionId }] : [];
+}
+
 /** Failures of every side, whichever is on display. */
 function banners(status_text: string, now_s: number): string[] {
-  if (!is_connected()) return lost_lines(server_silence_s(), [...verdicts.values()]);
-  const lines = [...sides].flatMap(([side, one]) =>
-    banner_lines(one, now_s).map((line) => (side ? `${side}: ${line}` : line)));
+  if (!is_connected()) return lost_lines(has_been_connected ? server_silence_s() : NaN, [...verdicts.values()], refusal);
+  const shown_lines = banner_lines(telemetry, now_s).map((line) => (sides.shown ? `${sides.shown}: ${line}` : line));
+  const lines = [...shown_lines, ...sides.problems()];
   return status_text ? [...lines, status_text] : lines;
 }
 
@@ -421,6 +501,7 @@ dress();
 picture();
 
 // ---- for tests: the page's state as plain values
+Object.defineProperty(window, "__scene_signature", { get: () => scene_signature(surfaces) });
 Object.defineProperty(window, "__test", {
   get: () => {
     const now_s = seconds();
@@ -435,18 +516,21 @@ Object.defineProperty(window, "__test", {
         }];
       })),
       scene: scene && {
-        revision: Number(scene.revision), name: scene.sessionName, signature,
+        revision: Number(scene.revision), name: scene.sessionName,
         tissues: surfaces.map((s) => ({
           name: s.name, vertices: s.vertex_count, stiffness_newton_per_m: s.stiffness_newton_per_m, shown_stiffness_newton_per_m: s.shown_stiffness_newton_per_m, displacement_m: s.max_displacement_m, offset_m: { ...s.offset_m },
         })),
-        has_pointer: scene.pointer !== undefined,
+        has_pointer: led().pointer !== undefined,
       },
+      task_map: map && { places: map.places.length / 3, searched: map.is_searched.reduce((sum, one) => sum + one, 0) },
       scene_builds, mesh_frames, mesh_cost_s,
       frames: view.frame_count, frame_cost_s: view.frame_cost_s, plot_draws,
       received: client.frame_count, bytes: client.byte_count, unreadable: client.unreadable_count,
       telemetry_lost: telemetry_lost(telemetry),
       device_phase: telemetry.device_batch?.counters.phase,
-      sides: Object.fromEntries([...sides].map(([side, one]) => [side, { tool_m: { ...one.tool_m }, applied_newton: norm(one.applied_newton), device_ticks: one.device.length }])),
+      sides: Object.fromEntries(sides.states.map(({ name, toolPositionWorldM, forceOnHandNewton }) =>
+        [name, { tool_m: { ...toolPositionWorldM }, applied_newton: norm(forceOnHandNewton ?? kNoForce) }])),
+      shown_side: sides.shown,
       now_s: telemetry.now_s, device_ticks: telemetry.device.length, mofc_ticks: telemetry.mofc.length,
       plots: {
         force: plots.force.status, energy: plots.energy.status, transparency: plots.transparency.status,

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // panels.ts: texts and numbers beside the 3-D view and the plots.
 import { make, write } from "./card";
-import { css_gradient, tissue_colour } from "./colours";
+import { css_gradient, tissue_colour } from "./scene/colours";
 import type { HandStatus } from "./hand";
-import type { SceneView } from "./scene_view";
-import { count_words, duration_words, forces_of, kNodeTasks, node_state, state_words, time_words } from "./state";
+import type { SceneView } from "./scene/scene_view";
+import { count_words, duration_words, fault_words, forces_of, kNodeTasks, node_state, state_words, time_words } from "./state";
 import { kNodes, norm, type NodeName, type Telemetry } from "./telemetry";
-import type { ColourMode, Surface } from "./surface";
-import type { SceneState } from "./wire";
+import type { ColourMode, Surface } from "./scene/surface";
+import { Guard, type SceneState } from "./wire";
 
 export function by_id<E extends Element = HTMLElement>(id: string): E {
   return document.getElementById(id) as unknown as E;
@@ -79,10 +79,16 @@ export class NodeChips {
   }
 }
 
-/** @param verdicts  the last words of the server; empty: it has said none */
-export function lost_lines(silence_s: number, verdicts: string[]): string[] {
+/**
+ * @param silence_s  NaN: it was never connected
+ * @param verdicts   the last words of the server; empty: it has said none
+ * @param refusal    why the last attempt failed; may be empty
+ */
+export function lost_lines(silence_s: number, verdicts: string[], refusal: string): string[] {
   if (verdicts.length > 0) return ["The session has ended.", ...verdicts];
-  return [`Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Reconnecting.`];
+  const lost = Number.isNaN(silence_s) ? "No connection to the viewer’s server. Trying again."
+    : `Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Reconnecting.`;
+  return refusal ? [`${lost} ${refusal}`] : [lost];
 }
 
 export function banner_lines(telemetry: Telemetry, now_s: number): string[] {
@@ -95,10 +101,14 @@ export function banner_lines(telemetry: Telemetry, now_s: number): string[] {
 }
 
 /** For screen readers: rare and important changes. */
-export function announcement(telemetry: Telemetry, is_connected: boolean, has_ended: boolean, hand: HandStatus, now_s: number): string {
+export function announcement(
+  telemetry: Telemetry, is_connected: boolean, has_ended: boolean, hand: HandStatus, problems_of_others: string[], now_s: number): string {
   if (!is_connected) return has_ended ? "The session has ended." : "Connection lost.";
+  if (telemetry.guard === Guard.fault) return `Fault: ${fault_words(telemetry)}. The motors are off until reset.`;
   const gone = kNodes.filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s));
   if (gone.length > 0) return `${gone.map((name) => `${name}_node`).join(" and ")} gone.`;
+  // without the seconds, which would be read again and again
+  if (problems_of_others.length > 0) return problems_of_others.map((one) => one.replace(/: last heard .*/, ".")).join(" ");
   return hand.is_mine ? "You hold the hand." : hand.is_others ? "Another page holds the hand." : "";
 }
 

@@ -30,7 +30,10 @@ export class RunControl {
   private shown_markers = "";
   private marked_ns = 0n;
 
-  constructor(tools: HTMLElement, private readonly bar: HTMLElement, private readonly publish: (request: RunRequest) => boolean) {
+  /** @param text  of the next marker; empty: the server numbers it */
+  constructor(
+    tools: HTMLElement, private readonly bar: HTMLElement, private readonly text: HTMLInputElement,
+    private readonly publish: (request: RunRequest) => boolean) {
     const button = (label: string, title: string) => {
       const made = make("button", "button", label);
       made.type = "button";
@@ -45,6 +48,7 @@ export class RunControl {
     this.marker.id = "marker";
     this.marker.addEventListener("click", () => this.mark());
     tools.prepend(this.record, this.marker);
+    text.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.mark(); });
 
     this.play.type = "button";
     this.play.id = "play";
@@ -74,7 +78,8 @@ export class RunControl {
   }
 
   mark(): void {
-    if (!this.marker.hidden) this.publish({ marker: "" });
+    if (this.marker.hidden) return;
+    if (this.publish({ marker: this.text.value.trim() })) this.text.value = "";
   }
   toggle(): void {
     if (this.replay) this.publish({ isPaused: !this.replay.isPaused });
@@ -99,6 +104,7 @@ export class RunControl {
     const { recorder, replay } = health;
     this.record.hidden = !this.can_publish || !recorder?.isPossible || replay !== undefined;
     this.marker.hidden = !this.can_publish || replay !== undefined || health.task?.isSearch === true; // a find has its own button
+    this.text.hidden = this.marker.hidden;
     const is_recording = recorder?.isRecording ?? false;
     this.record.setAttribute("aria-pressed", String(is_recording));
     write(this.record, is_recording ? `Stop ${clock_words(recorder!.lengthS)}` : "Record");
@@ -133,7 +139,9 @@ export class RunControl {
     this.shown_markers = shown;
     this.ticks.replaceChildren(...markers.map(({ atNs, text }) => {
       const at_s = 1e-9 * Number(atNs - replay.beginNs);
-      const tick = make("i");
+      const tick = make("button");
+      tick.type = "button";
+      tick.setAttribute("aria-label", `Marker at ${clock_words(at_s)}: ${text}`);
       tick.style.left = `${(100 * Math.min(Math.max(at_s / replay.lengthS, 0), 1)).toFixed(2)}%`;
       tick.title = `${clock_words(at_s)} ${text}`;
       tick.addEventListener("click", () => this.publish({ seekS: Math.max(0, at_s) }));

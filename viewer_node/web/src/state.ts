@@ -25,6 +25,10 @@ export function node_state(node: NodeLink, nominal_hz: number, is_connected: boo
   return node.rate_hz < kSlow * nominal_hz ? "slow" : "alive";
 }
 
+export function fault_words(telemetry: Telemetry): string {
+  return kFaultReasons[telemetry.device_batch?.counters.lastFault ?? 0] ?? "unknown reason";
+}
+
 export const kNoForce: Vector3 = { x: 0, y: 0, z: 0 };
 
 /** The last word of a viewer's server, from a line of /log: "left: bad. device fault"; null: another line. */
@@ -55,8 +59,7 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
     return words("no_device", "No device", "Without device_node there is no hand and no force.", "absent");
   }
   if (telemetry.guard === Guard.fault) {
-    const reason = kFaultReasons[telemetry.device_batch?.counters.lastFault ?? 0] ?? "unknown reason";
-    return words("fault", "Fault", `Motors are off until reset: ${reason}.`, "alarm");
+    return words("fault", "Fault", `Motors are off until reset: ${fault_words(telemetry)}.`, "alarm");
   }
   if (!mofc.is_alive(now_s)) {
     return words("no_mofc", "No clamp", "Without mofc_node the motors are limp.", "alarm");

@@ -32,6 +32,7 @@ export class TaskPanel {
   private readonly find: HTMLButtonElement;
   private readonly stop: HTMLButtonElement;
   private readonly findings = make("ul", "findings");
+  private readonly map_key = make("p", "map-key"); // of the points on the organ
   private readonly figures = make("dl", "figures");
 
   constructor(private readonly element: HTMLElement, private readonly publish: (request: RunRequest) => boolean) {
@@ -50,7 +51,21 @@ export class TaskPanel {
     this.stop = button("task-stop", "Stop", "", () => this.publish({ marker: "", markerKind: MarkerKind.task_stop }));
     const buttons = make("div", "buttons");
     buttons.append(this.start, this.find, this.stop);
-    element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.figures, this.news);
+    for (const [kind, words] of [["searched", "pressed"], ["not-searched", "not pressed"]]) {
+      const swatch = make("i", kind);
+      swatch.setAttribute("aria-hidden", "true");
+      this.map_key.append(swatch, make("span", "", `${words} `));
+    }
+    this.map_key.hidden = true;
+    element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.map_key, this.figures, this.news);
+  }
+
+  /** Whether the organ shows what was searched. */
+  set has_map(does: boolean) {
+    this.map_key.hidden = !does;
+  }
+  get has_ended(): boolean {
+    return this.state?.phase === TaskPhase.ended;
   }
 
   /** The person has found something. False: there is nothing to mark now. */

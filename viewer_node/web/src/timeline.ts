@@ -6,12 +6,16 @@ import { duration_words } from "./state";
 
 const kMostListed = 60;
 const kLeastSpan_s = 10;
+const kMostMarkerText = 60; // of at most 200 bytes
 
 export class TimelineCard {
   private readonly lanes: Record<Lane, HTMLElement>;
   private readonly list = make("ol", "events");
   private readonly from = make("span");
   private readonly none = make("p", "none", "No events yet.");
+  /** Of the next marker. */
+  readonly marker_text = make("input", "marker-text");
+  private lane: Lane | null = null; // listed; null: all
   private shown = -1;
   private readonly opened_s = 1e-3 * Date.now();
 
@@ -20,7 +24,18 @@ export class TimelineCard {
     card.id = "timeline";
     card.setAttribute("aria-label", "Events of the session");
     const head = make("header", "card-head");
-    head.append(make("h2", "", "Events"));
+    const filter = make("select");
+    filter.id = "event-filter";
+    filter.setAttribute("aria-label", "Events that are listed");
+    filter.append(new Option("all", ""), ...kLanes.map((lane) => new Option(lane, lane)));
+    filter.addEventListener("change", () => {
+      this.lane = (filter.value || null) as Lane | null;
+      this.shown = -1;
+      this.write();
+    });
+    Object.assign(this.marker_text, { id: "marker-text", type: "text", maxLength: kMostMarkerText, placeholder: "Text of the next marker", hidden: true });
+    this.marker_text.setAttribute("aria-label", "Text of the next marker; Enter sets it");
+    head.append(make("h2", "", "Events"), this.marker_text, filter);
     const strip = make("div", "strip");
     const lane_of = (lane: Lane) => {
       const row = make("div", "lane");
@@ -58,9 +73,11 @@ export class TimelineCard {
     for (const lane of kLanes) this.lanes[lane].replaceChildren(...marks[lane]);
     if (this.shown === timeline.count) return;
     this.shown = timeline.count;
-    this.none.hidden = timeline.events.length > 0;
-    this.list.hidden = timeline.events.length === 0;
-    this.list.replaceChildren(...timeline.events.slice(-kMostListed).reverse().map((event) => {
+    const listed = timeline.events.filter(({ lane }) => this.lane === null || lane === this.lane);
+    write(this.none, this.lane === null ? "No events yet." : `No events of ${this.lane}.`);
+    this.none.hidden = listed.length > 0;
+    this.list.hidden = listed.length === 0;
+    this.list.replaceChildren(...listed.slice(-kMostListed).reverse().map((event) => {
       const item = make("li");
       item.dataset.tone = event.tone;
       item.append(make("time", "", clock(event.at_s)), make("b", "", event.node), make("span", "", event.text));

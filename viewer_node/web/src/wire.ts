@@ -155,12 +155,7 @@ export interface SceneState {
   tissues: TissueSurface[];
   acceptsChanges: boolean;
   reach?: { centerM: Vector3; halfExtentM: Vector3 }; // of the tool, W
-  pointer?: {
-    centerM: Vector3;
-    reachM: number;
-    speedMPerS: number;
-    holderTimeoutNs: bigint;
-  };
+  pointer?: PointerHand;
 }
 export interface MeshFrame {
   header: Header;
@@ -208,9 +203,32 @@ export interface Health {
     lengthS: number;
     problem: string;
   };
+  sides: SideState[]; // empty: one device
   markers: { atNs: bigint; text: string; origin: string }[];
   replay?: ReplayState; // absent: a live session
   task?: TaskState; // absent: the session has no task
+}
+export interface PointerHand {
+  centerM: Vector3;
+  reachM: number;
+  speedMPerS: number;
+  holderTimeoutNs: bigint;
+}
+/** Of the newest tick of a device. */
+export interface SideState {
+  name: string;
+  deviceSessionId: bigint;
+  phase: number;
+  deviceFaults: bigint;
+  lastFault: number;
+  guard: number;
+  toolPositionWorldM?: Vector3; // absent: no tick yet
+  toolOrientationWorld?: Quaternion;
+  forceOnHandNewton?: Vector3;
+  requestedForceOnHandNewton?: Vector3;
+  handHolder: bigint;
+  pointer?: PointerHand; // absent: its hand follows no page
+  workspaceScaleRatio: number;
 }
 export interface TaskState {
   phase: TaskPhase;
@@ -221,6 +239,11 @@ export interface TaskState {
   marks: number;
   findings: string[];
   figures: { label: string; value: string }[];
+}
+/** What of the surface was searched. */
+export interface TaskMap {
+  placesM: Uint8Array; // float32 x, y, z of each place; W
+  isSearched: Uint8Array; // of each place, 0 or 1
 }
 export enum TaskPhase { waiting, running, ended }
 export enum MarkerKind { note, task_start, task_stop }

@@ -2,7 +2,7 @@
 // scene_view.ts: the 3-D view: tissue, tool, forces. Draws only when something has changed.
 import {
   BufferAttribute, BufferGeometry, Box3, Box3Helper, Color, DirectionalLight, DynamicDrawUsage, Fog, FrontSide, GridHelper, Group,
-  HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh, MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap,
+  HemisphereLight, InstancedMesh, Line, LineBasicMaterial, LineDashedMaterial, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap,
   PerspectiveCamera, Points, PointsMaterial, Scene, SphereGeometry, Vector3 as V3, WebGLRenderer,
   type Material, type WebGLProgramParametersWithUniforms,
 } from "three";
@@ -10,13 +10,17 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { linear_table, round_up, table_row, tissue_colour } from "./colours";
 import type { ColourMode, Surface } from "./surface";
 import { kDrawnTip_m, line, set_line, Tool, type Theme, type ToolSize } from "./tool_view";
-import type { Quaternion, Vector3 } from "./wire";
+import type { Quaternion, Vector3 } from "../wire";
 
 const kGridPitch_m = 0.01;
 const kNearTool = 1.2; // distance of the view that turns about the tool, in radii of the scene
 const kScaleMemory_ms = 8000;
 const kDrawPeriod_ms = 30; // mesh frames come every 33 ms; shorter, to absorb the display's frame period
+const kPlumb_m = 0.0025; // a vertex so near to the plumb line is below the tool
 const kClear = 0.66; // opacity of outer tissue in front of inner tissue and of the tool
+
+/** Of places that were not searched, and of those that were: apart for every kind of sight. */
+export const kMapColours = [new Color("#d95f02"), new Color("#3a86c8")];
 
 interface Drawn {
   surface: Surface;
@@ -47,9 +51,13 @@ export class SceneView {
   private mode: ColourMode = "material";
   private sees_inside = true;
 
-  private readonly tools = [new Tool()]; // of each side; the first one can be led
+  private readonly tools = [new Tool()]; // of each side
+  /** Index of the side on display, whose tool can be led. */
+  shown_side = 0;
+  private others = tips(0, new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
   private readonly target: Mesh<SphereGeometry, MeshBasicMaterial>;
   private readonly tether: Line<BufferGeometry, LineDashedMaterial>;
+  private readonly map = new Points(new BufferGeometry(), map_material()); // what was searched
   private readonly reach = new Box3Helper(new Box3()); // what the tool reaches
   private readonly lamp = new DirectionalLight(0xfff6ec, 2.7);
   private grid: GridHelper | null = null;
@@ -72,6 +80,7 @@ export class SceneView {
   // scratch
   private readonly a = new V3();
   private readonly b = new V3();
+  private readonly placed = new Matrix4();
 
   constructor(readonly canvas: HTMLCanvasElement) {
     this.renderer = renderer_of(canvas);
@@ -79,6 +88,7 @@ export class SceneView {
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
+    canvas.style.touchAction = canvas.style.cursor = ""; // the style sheet says them
     this.controls.maxPolarAngle = 0.97 * Math.PI;
     this.controls.addEventListener("change", () => this.camera_changed());
 
@@ -90,9 +100,9 @@ export class SceneView {
 
     this.target = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.55, fog: false }));
     this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
-    this.target.visible = this.tether.visible = this.reach.visible = false;
+    this.target.visible = this.tether.visible = this.reach.visible = this.map.visible = false;
     Object.assign(this.reach.material as LineBasicMaterial, { transparent: true, opacity: 0.7, fog: false });
-    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach);
+    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach, this.others, this.map);
   }
 
   /** Replaces the scene; keeps the camera if the user has moved it. */
@@ -189,10 +199,25 @@ export class SceneView {
     const p = this.a.set(position.x, position.y, position.z);
     if (!tool.place(p, orientation, requested, applied, this.arrow_m_per_newton)) return;
     // a line down to the highest surface below shows the height
-    const below_m = this.height_below(p);
+    const below_m = Math.max(-Infinity, ...this.drawn.map(({ surface }) => surface.height_below(p, kPlumb_m)));
     tool.plumb.visible = Number.isFinite(below_m);
     if (tool.plumb.visible) set_line(tool.plumb, p, this.b.set(p.x, p.y, below_m));
-    if (index === 0 && this.target.visible) set_line(this.tether, p, this.target.position);
+    if (index === this.shown_side && this.target.visible) set_line(this.tether, p, this.target.position);
+    this.is_changed = true;
+  }
+
+  /** Tools beside those of set_tool(), as their tips alone: one drawing for all. */
+  set_others(places: Vector3[]): void {
+    if (places.length > this.others.count) {
+      this.scene.remove(this.others);
+      this.others.dispose();
+      this.others = tips(places.length, this.others.material as MeshStandardMaterial);
+      this.scene.add(this.others);
+    }
+    this.others.count = places.length;
+    const radius_m = Math.max(this.tool_size.tipRadiusM, kDrawnTip_m);
+    places.forEach(({ x, y, z }, i) => this.others.setMatrixAt(i, this.placed.makeScale(radius_m, radius_m, radius_m).setPosition(x, y, z)));
+    this.others.instanceMatrix.needsUpdate = true;
     this.is_changed = true;
   }
 
@@ -202,7 +227,7 @@ export class SceneView {
     this.target.visible = this.tether.visible = position !== null;
     if (position) {
       this.target.position.set(position.x, position.y, position.z);
-      set_line(this.tether, this.tools[0].ball.position, this.target.position);
+      set_line(this.tether, this.shown_tool.ball.position, this.target.position);
     }
     this.is_changed = this.is_urgent = true;
   }
@@ -218,12 +243,28 @@ export class SceneView {
     this.is_changed = true;
   }
 
+  /** What of the surface was searched, as points on it; null hides it. */
+  set_map(map: { places: Float32Array; is_searched: Uint8Array } | null): void {
+    this.map.visible = map !== null;
+    if (map) {
+      const colours = new Float32Array(map.places.length);
+      map.is_searched.forEach((is_searched, i) => kMapColours[is_searched ? 1 : 0].toArray(colours, 3 * i));
+      this.map.geometry.dispose();
+      this.map.geometry = new BufferGeometry();
+      this.map.geometry.setAttribute("position", new BufferAttribute(map.places, 3));
+      this.map.geometry.setAttribute("color", new BufferAttribute(colours, 3));
+      this.map.material.size = 0.018 * this.radius_m;
+    }
+    this.is_changed = true;
+  }
+
   set_theme(theme: Theme): void {
     this.scene.background = new Color(theme.background);
     this.scene.fog = new Fog(theme.background, 1, 2);
     this.grid_colour = theme.grid;
     this.theme = theme;
     for (const tool of this.tools) tool.set_theme(theme);
+    (this.others.material as MeshStandardMaterial).color.set(theme.tool);
     this.target.material.color.set(theme.target);
     this.tether.material.color.set(theme.target);
     (this.reach.material as LineBasicMaterial).color.set(theme.target);
@@ -251,7 +292,7 @@ export class SceneView {
 
   /** From now on the view turns about the place where the tool is now, which comes nearer. */
   orbit_tool(): void {
-    const { ball } = this.tools[0];
+    const { ball } = this.shown_tool;
     if (!ball.visible) return;
     const offset = this.a.copy(this.camera.position).sub(this.controls.target);
     offset.setLength(Math.min(offset.length(), kNearTool * this.radius_m));
@@ -320,7 +361,7 @@ export class SceneView {
 
   /** Radius of the drawn tip in CSS pixels. */
   get tool_radius_px(): number {
-    const { ball } = this.tools[0];
+    const { ball } = this.shown_tool;
     return ball.scale.x / this.metres_per_pixel(ball.position);
   }
 
@@ -332,6 +373,10 @@ export class SceneView {
   axes(): [number, number, number][] {
     const e = this.camera.matrixWorldInverse.elements;
     return [0, 4, 8].map((at) => [e[at], -e[at + 1], e[at + 2]]);
+  }
+
+  private get shown_tool(): Tool {
+    return this.tools[this.shown_side] ?? this.tools[0];
   }
 
   private camera_changed(): void {
@@ -381,22 +426,6 @@ export class SceneView {
       }
     }
     geometry.attributes.color.needsUpdate = true;
-  }
-
-  // Highest vertex below a point, within a few millimetres of its plumb line; −∞ without one.
-  private height_below(p: V3): number {
-    let best = -Infinity;
-    const reach = 0.0025;
-    for (const { surface } of this.drawn) {
-      const { position: v, offset_m } = surface;
-      const x = p.x - offset_m.x, y = p.y - offset_m.y;
-      const dz = offset_m.z;
-      for (let i = 0; i < v.length; i += 3) {
-        const z = v[i + 2] + dz;
-        if (z > best && z < p.z && Math.abs(v[i] - x) < reach && Math.abs(v[i + 1] - y) < reach) best = z;
-      }
-    }
-    return best;
   }
 
   private place_surroundings(): void {
@@ -488,4 +517,19 @@ function draw_grid_on_tissue(shader: WebGLProgramParametersWithUniforms): void {
         vec3 near = (1.0 - smoothstep(0.4, 1.3, away)) * runs * (1.0 - smoothstep(0.15, 0.5, slope));
         diffuseColor.rgb *= 1.0 - 0.2 * max(near.x, max(near.y, near.z));
       }`);
+}
+
+function tips(count: number, material: MeshStandardMaterial): InstancedMesh {
+  const made = new InstancedMesh(new SphereGeometry(1, 16, 12), material, count);
+  made.frustumCulled = false;
+  return made;
+}
+
+/** Points that lie on surfaces are drawn before them. */
+function map_material(): PointsMaterial {
+  const made = new PointsMaterial({ vertexColors: true, fog: false });
+  made.onBeforeCompile = (shader) => {
+    shader.vertexShader = shader.vertexShader.replace("#include <fog_vertex>", "gl_Position.z -= 0.002 * gl_Position.w;\n#include <fog_vertex>");
+  };
+  return made;
 }

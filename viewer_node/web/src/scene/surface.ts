@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // surface.ts: one tissue's surface: rest shape, current shape, normals, colour data. Plain
 // arrays, filled in place: a mesh frame of 20 000 vertices allocates nothing. No three.js.
-import type { MeshFrame, TissueSteps, TissueSurface, Vector3 } from "./wire";
+import type { MeshFrame, TissueSteps, TissueSurface, Vector3 } from "../wire";
 
 export type ColourMode = "material" | "stiffness" | "displacement" | "strain";
 
 /** Edges with a larger angle between their faces are drawn sharp. */
 const kCrease_cos = Math.cos((40 * Math.PI) / 180);
+
+const kVerticesPerCell = 16;
 
 /**
  * Arrays per vertex hold the vertices of the wire, then copies of those on sharp edges, one for each
@@ -33,6 +35,9 @@ export class Surface {
   readonly displacement_m: Float32Array;
   /** Equivalent strain per vertex of an elastic body, ≥ 0; null until a frame has one. */
   strain: Float32Array | null = null;
+  private readonly incoming: Float32Array; // places of the vertices of the wire that a message brings
+  private readonly about: Adjacency;
+  private readonly columns: Columns;
 
   constructor(tissue: TissueSurface) {
     this.name = tissue.name;
@@ -60,6 +65,9 @@ export class Surface {
     this.copy(this.stiffness, 1);
     this.shown_stiffness_newton_per_m = tissue.stiffnessNewtonPerM > 0 || is_uniform
       ? tissue.stiffnessNewtonPerM : per_vertex.reduce((sum, k) => sum + k, 0) / per_vertex.length;
+    this.incoming = new Float32Array(rest.length);
+    this.about = new Adjacency(this.triangles, this.displacement_m.length);
+    this.columns = new Columns(rest);
     this.compute_normals();
   }
 
@@ -81,6 +89,17 @@ export class Surface {
     return this.triangles.length === 0;
   }
 
+  /** Height (W) of the highest vertex below a point and within `reach_m` of its plumb line; −∞: none. */
+  height_below({ x, y, z }: Vector3, reach_m: number): number {
+    const { position: p, offset_m: o } = this;
+    let best_m = -Infinity;
+    this.columns.near(x - o.x, y - o.y, reach_m + this.max_displacement_m, (vertex) => {
+      const height_m = p[3 * vertex + 2] + o.z;
+      if (height_m > best_m && height_m < z && Math.abs(p[3 * vertex] + o.x - x) < reach_m && Math.abs(p[3 * vertex + 1] + o.y - y) < reach_m) best_m = height_m;
+    });
+    return best_m;
+  }
+
   /** Applies a frame; false, and nothing changes, if its range does not fit. */
   take(frame: MeshFrame): boolean {
     const bytes = frame.verticesM;
@@ -90,10 +109,8 @@ export class Surface {
     this.offset_m = frame.displacementWorldM ?? { x: 0, y: 0, z: 0 };
     if (bytes.length === 0) return true;
     // the payload is not aligned: copy the bytes, then view them as floats
-    new Uint8Array(this.position.buffer).set(bytes, first);
-    this.copy(this.position, 3);
-    this.measure_displacement(frame.firstVertex, frame.firstVertex + bytes.length / 12);
-    this.compute_normals();
+    new Uint8Array(this.incoming.buffer).set(bytes, first);
+    this.move(frame.firstVertex, frame.firstVertex + bytes.length / 12);
     if (frame.vertexStrain.length !== 0) {
       this.strain ??= new Float32Array(this.rest.length / 3);
       new Uint8Array(this.strain.buffer).set(frame.vertexStrain, 4 * frame.firstVertex);
@@ -114,31 +131,42 @@ export class Surface {
     const [x = 0, y = 0, z = 0] = steps?.offsetSteps ?? [];
     this.offset_m = { x: step_m * x, y: step_m * y, z: step_m * z };
     if (count === 0 && this.max_displacement_m === 0) return true;
-    this.position.set(this.rest);
+    const { incoming } = this;
+    incoming.set(this.rest.subarray(0, incoming.length));
     let at = 0, next = 0;
     runs.forEach((length, run) => {
       if (run % 2 === 0) at += 3 * length;
-      else for (const end = at + 3 * length; at < end; ++at) this.position[at] += step_m * moved[next++];
+      else for (const end = at + 3 * length; at < end; ++at) incoming[at] += step_m * moved[next++];
     });
-    this.copy(this.position, 3);
-    this.measure_displacement(0, this.vertex_count);
-    this.compute_normals();
+    this.move(0, this.vertex_count);
     return true;
   }
 
-  private measure_displacement(first: number, end: number): void {
-    const { rest, position, displacement_m } = this;
-    for (let i = first; i < end; ++i) {
-      const x = position[3 * i] - rest[3 * i];
-      const y = position[3 * i + 1] - rest[3 * i + 1];
-      const z = position[3 * i + 2] - rest[3 * i + 2];
-      displacement_m[i] = Math.sqrt(x * x + y * y + z * z);
+  /** The vertices first … end of the wire go where `incoming` says. */
+  private move(first: number, end: number): void {
+    const { incoming, position, rest, displacement_m, copied, vertex_count, about } = this;
+    about.begin();
+    const place = (vertex: number, from: number) => {
+      const to = 3 * vertex;
+      const x = incoming[3 * from], y = incoming[3 * from + 1], z = incoming[3 * from + 2];
+      if (x === position[to] && y === position[to + 1] && z === position[to + 2]) return;
+      position[to] = x;
+      position[to + 1] = y;
+      position[to + 2] = z;
+      const dx = x - rest[to], dy = y - rest[to + 1], dz = z - rest[to + 2];
+      displacement_m[vertex] = Math.sqrt(dx * dx + dy * dy + dz * dz);
+      about.note(vertex);
+    };
+    for (let vertex = first; vertex < end; ++vertex) place(vertex, vertex);
+    for (let i = 0; i < copied.length; ++i) {
+      if (copied[i] >= first && copied[i] < end) place(vertex_count + i, copied[i]);
     }
-    this.copy(displacement_m, 1);
     this.max_displacement_m = 0;
     for (const moved_m of displacement_m) {
       if (moved_m > this.max_displacement_m) this.max_displacement_m = moved_m;
     }
+    if (about.is_cheaper) about.renew_normals(position, this.normal);
+    else this.compute_normals();
   }
 
   // Mean of the triangles' normals, weighted by area.
@@ -159,6 +187,112 @@ export class Surface {
       n[i] /= length;
       n[i + 1] /= length;
       n[i + 2] /= length;
+    }
+  }
+}
+
+/** The vertices of a shape at rest, by square cells of the plane of x and y. */
+class Columns {
+  private readonly cells = new Map<number, number[]>(); // vertices, by cell
+  private readonly cell_m: number;
+  private readonly low: [number, number] = [Infinity, Infinity];
+  private readonly across: number;
+
+  constructor(rest: Float32Array) {
+    const high = [-Infinity, -Infinity];
+    for (let i = 0; i < rest.length; i += 3) {
+      for (const k of [0, 1]) {
+        this.low[k] = Math.min(this.low[k], rest[i + k]);
+        high[k] = Math.max(high[k], rest[i + k]);
+      }
+    }
+    const width_m = Math.max(high[0] - this.low[0], high[1] - this.low[1], 1e-6);
+    this.across = Math.max(1, Math.ceil(Math.sqrt(rest.length / 3 / kVerticesPerCell)));
+    this.cell_m = width_m / this.across;
+    for (let i = 0; i < rest.length; i += 3) {
+      const cell = this.cell(this.index(rest[i], 0), this.index(rest[i + 1], 1));
+      const there = this.cells.get(cell);
+      if (there) there.push(i / 3);
+      else this.cells.set(cell, [i / 3]);
+    }
+  }
+
+  /** Calls with each vertex that is at rest within `reach_m` per axis of the place, and with some further ones. */
+  near(x: number, y: number, reach_m: number, take: (vertex: number) => void): void {
+    const last = [this.index(x + reach_m, 0), this.index(y + reach_m, 1)];
+    for (let i = this.index(x - reach_m, 0); i <= last[0]; ++i) {
+      for (let j = this.index(y - reach_m, 1); j <= last[1]; ++j) this.cells.get(this.cell(i, j))?.forEach(take);
+    }
+  }
+
+  private index(at_m: number, axis: 0 | 1): number {
+    return Math.min(Math.max(Math.floor((at_m - this.low[axis]) / this.cell_m), 0), this.across);
+  }
+  private cell(i: number, j: number): number {
+    return i * (this.across + 1) + j;
+  }
+}
+
+/** The triangles at each vertex, to renew the normals near vertices that have moved. */
+class Adjacency {
+  private readonly first: Uint32Array; // by vertex, in `faces`
+  private readonly faces: Uint32Array;
+  private readonly dirty: Uint32Array; // vertices whose normal is to be renewed
+  private readonly noted: Uint8Array;
+  private count = 0;
+
+  constructor(private readonly triangles: Uint32Array, vertices: number) {
+    this.first = new Uint32Array(vertices + 1);
+    for (const vertex of triangles) this.first[vertex + 1] += 1;
+    for (let v = 0; v < vertices; ++v) this.first[v + 1] += this.first[v];
+    this.faces = new Uint32Array(triangles.length);
+    const next = this.first.slice();
+    triangles.forEach((vertex, corner) => { this.faces[next[vertex]++] = Math.floor(corner / 3); });
+    this.dirty = new Uint32Array(vertices);
+    this.noted = new Uint8Array(vertices);
+  }
+
+  begin(): void {
+    this.count = 0;
+    this.noted.fill(0);
+  }
+
+  /** The vertex has moved: the normals of its triangles' corners change. */
+  note(vertex: number): void {
+    for (let i = this.first[vertex]; i < this.first[vertex + 1]; ++i) {
+      const corner = 3 * this.faces[i];
+      for (let k = 0; k < 3; ++k) {
+        const other = this.triangles[corner + k];
+        if (this.noted[other]) continue;
+        this.noted[other] = 1;
+        this.dirty[this.count++] = other;
+      }
+    }
+  }
+
+  /** Each triangle is at three of those vertices: beyond a fifth, all at once cost less. */
+  get is_cheaper(): boolean {
+    return 5 * this.count < this.dirty.length;
+  }
+
+  renew_normals(p: Float32Array, n: Float32Array): void {
+    const { triangles, faces, first, dirty } = this;
+    for (let i = 0; i < this.count; ++i) {
+      const vertex = dirty[i];
+      let x = 0, y = 0, z = 0;
+      for (let j = first[vertex]; j < first[vertex + 1]; ++j) {
+        const t = 3 * faces[j];
+        const a = 3 * triangles[t], b = 3 * triangles[t + 1], c = 3 * triangles[t + 2];
+        const ux = p[b] - p[a], uy = p[b + 1] - p[a + 1], uz = p[b + 2] - p[a + 2];
+        const vx = p[c] - p[a], vy = p[c + 1] - p[a + 1], vz = p[c + 2] - p[a + 2];
+        x += uy * vz - uz * vy;
+        y += uz * vx - ux * vz;
+        z += ux * vy - uy * vx;
+      }
+      const length = Math.sqrt(x * x + y * y + z * z) || 1;
+      n[3 * vertex] = x / length;
+      n[3 * vertex + 1] = y / length;
+      n[3 * vertex + 2] = z / length;
     }
   }
 }
@@ -241,6 +375,6 @@ export function scene_signature(surfaces: Surface[]): string {
 function aligned(bytes: Uint8Array): ArrayBuffer {
   return bytes.slice().buffer as ArrayBuffer;
 }
-function floats_of(bytes: Uint8Array): Float32Array {
+export function floats_of(bytes: Uint8Array): Float32Array {
   return new Float32Array(aligned(bytes));
 }

@@ -4,7 +4,7 @@ import {
   BufferAttribute, BufferGeometry, CapsuleGeometry, ConeGeometry, CylinderGeometry, Group, Line, LineBasicMaterial,
   Mesh, MeshStandardMaterial, Quaternion as Turn, SphereGeometry, Vector3 as V3,
 } from "three";
-import type { Quaternion, Vector3 } from "./wire";
+import type { Quaternion, Vector3 } from "../wire";
 
 const kUp = new V3(0, 1, 0); // of three's cylinders and cones
 const kLeastForce_newton = 0.01; // smaller forces have no arrow
