@@ -205,8 +205,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
 void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
-  Journal journal;         // outlives the device
-  PostMortem post_mortem;  // outlives the publisher, whose thread fills it
+  Journal journal(session.side().device.rate_hz);  // outlives the device
+  PostMortem post_mortem;                          // outlives the publisher, whose thread fills it
   const DriverRegistry drivers =
       all_drivers({.simulated = {.device = session.side().simulated,
                                  .hand = session.side().hand,
@@ -247,7 +247,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   RingSink<DeviceTick> ticks;
   Snapshot<DeviceCounters> counters;
   FlightRecorder<DeviceTick> recorder(
-      flight_files(context, with_side(session.side().name, "device")));
+      flight_files(context, with_side(session.side().name, "device")),
+      PostMortem::ticks_of_window(session.side().device.rate_hz));
   RejectionLog refused(context.log, "force_command", exchange.refused);
   std::optional<PointerInput> pointer;
   if (session.side().hand.pointer && device->specification().is_simulated) {
