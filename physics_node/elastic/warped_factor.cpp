@@ -26,8 +26,7 @@ bool SharedFactors::find(const BlockValues& values, Cholesky& cholesky) const {
     return true;
   };
   for (const One& one : all_) {
-    const bool is_there =
-        cholesky.index() == 0 ? !one.floats.expired() : !one.doubles.expired();
+    const bool is_there = cholesky.index() == 0 ? !one.floats.expired() : !one.doubles.expired();
     if (!is_there || one.values != values) continue;
     return cholesky.index() == 0 ? take(std::get<0>(cholesky), one.floats.lock())
                                  : take(std::get<1>(cholesky), one.doubles.lock());

@@ -32,7 +32,7 @@ class SharedFactors {
  private:
   struct One {
     BlockValues values;
-    std::weak_ptr<const std::vector<float>> floats;    // one of the two
+    std::weak_ptr<const std::vector<float>> floats;  // one of the two
     std::weak_ptr<const std::vector<double>> doubles;
   };
   mutable std::mutex mutex_;
@@ -75,7 +75,8 @@ class WarpedFactor {
   /// Frees what can be made again, to the bit: the room for solutions, and a factor that nobody
   /// shares.
   void fold();
-  /// Before turn_to() and solve(), after fold(). Takes as long as factor() where the factor is gone.
+  /// Before turn_to() and solve(), after fold(). Takes as long as factor() where the factor is
+  /// gone.
   void unfold();
 
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// body_compliance.h — how the surface of an elastic body gives way: for all simulations of the body.
+// body_compliance.h — how the surface of an elastic body gives way: for all simulations of the
+// body.
 #pragma once
 
 #include <filesystem>

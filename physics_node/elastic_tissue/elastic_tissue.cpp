@@ -68,23 +68,6 @@ ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t
   }
 }
 
-void ElasticTissue::continue_as(const ElasticTissue& other) {
-  simulation_.continue_as(other.simulation_);
-  for (std::size_t i = 0; i < tools_.size(); ++i) {
-    Tool& own = *tools_[i];
-    own = *other.tools_[i];
-    own.stepped = own.prepared.place_of(other.tools_[i]->prepared, own.stepped);
-    own.patch = {};
-    makers_[i].reset();
-  }
-  tips_ = other.tips_;
-  figures_ = other.figures_;
-  without_compliance_ = other.without_compliance_;
-  hasty_solves_ = other.hasty_solves_;
-  figures_out_ = other.figures_out_;
-  has_moved_ = true;
-}
-
 ElasticTissue::Columns ElasticTissue::columns() const noexcept {
   return {.all = compliance_.all_columns().size(), .computed = compliance_.columns_made()};
 }
@@ -325,18 +308,6 @@ void ElasticTissue::solve(double step_s) {
   if (is_folded_) fold();
 }
 
-/// What the next solution makes again.
-void ElasticTissue::fold() {
-  simulation_.fold();
-  for (auto& tool : tools_) {
-    if (tool->last) tool->last->fold();
-    Prepared* const spare = tool->prepared.spare();
-    if (spare == nullptr) continue;
-    spare->contact.reset();
-    spare->probe.reset();
-  }
-}
-
 /// Compares the full solution with what the model prepared before it says for the same place, and
 /// with the bound of its error there.
 void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s) {
@@ -379,8 +350,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
                          draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m,
                          tool.slow_normal);
   draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_.x_m(),
-                       simulation_.v_m_per_s(),
-                       simulation_.acceleration_m_per_s2());
+                       simulation_.v_m_per_s(), simulation_.acceleration_m_per_s2());
   draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s,
                        &simulation_.relaxation());
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
@@ -441,15 +411,14 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
   if (!has_stepped && !is_elsewhere && maker && maker->is_complete()) return;
   if (!maker) maker.emplace(*body_, compliance_, tip_radius_m_);
   const double ahead_s = ahead.age_s + kPeriodsAhead / body_->solve_rate_hz;
-  maker->update(
-      {.tip_m = tip_m,
-       .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
-       .normal = tool.slow_normal,
-       .held_solutions =
-           static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
-           kHeldPeriods,
-       .gap_m = tool.slow_distance_m},
-      touch, simulation_.x_m(), simulation_.v_m_per_s(), is_alone(index));
+  maker->update({.tip_m = tip_m,
+                 .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
+                 .normal = tool.slow_normal,
+                 .held_solutions =
+                     static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
+                     kHeldPeriods,
+                 .gap_m = tool.slow_distance_m},
+                touch, simulation_.x_m(), simulation_.v_m_per_s(), is_alone(index));
   tool.patch_tip_m = tip_m;
   tool.patch.draft() = maker->patch();
   tool.is_patched = true;
@@ -480,35 +449,6 @@ void ElasticTissue::publish() {
     if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
     if (std::exchange(tool->is_patched, false)) tool->patch.publish();
   }
-}
-
-void ElasticTissue::show() {
-  const std::unique_lock lock(shown_mutex_, std::try_to_lock);
-  if (!lock || !is_wanted_ || !has_moved_) return;
-  is_wanted_ = has_moved_ = false;
-  read_surface(vertices_m_, strain_);
-  is_new_ = true;
-}
-
-void ElasticTissue::read_surface(std::vector<float>& vertices_m,
-                                 std::vector<float>& strain) const {
-  const elastic::VectorXd& x = simulation_.x_m();
-  vertices_m.clear();
-  for (const std::uint32_t node : body_->shown_nodes) {
-    for (Eigen::Index i = 0; i < 3; ++i) {
-      vertices_m.push_back(static_cast<float>(x[3 * Eigen::Index{node} + i]));
-    }
-  }
-  simulation_.shown_strain(strain);
-}
-
-bool ElasticTissue::take_surface(std::vector<float>& vertices_m, std::vector<float>& strain) {
-  const std::scoped_lock lock(shown_mutex_);
-  is_wanted_ = true;
-  if (!std::exchange(is_new_, false)) return false;
-  vertices_m = vertices_m_;
-  strain = strain_;
-  return true;
 }
 
 }  // namespace palpate::physics

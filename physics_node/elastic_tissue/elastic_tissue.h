@@ -191,8 +191,8 @@ class ElasticTissue {
     elastic::VectorXd last_creep_m;
     std::vector<elastic::Vector3d> last_forces_newton;  // on the body
     double last_newton = 0.0;
-    bool is_prepared = false;      // a draft waits to be published
-    double slow_distance_m = 0.0;  // from the tip to it
+    bool is_prepared = false;                      // a draft waits to be published
+    double slow_distance_m = 0.0;                  // from the tip to it
     Vector3 patch_tip_m = Vector3::Constant(1e9);  // of the last patch
     bool is_patched = false;                       // a draft waits to be published
     std::optional<elastic::CondensedContact> last;

@@ -47,8 +47,7 @@ std::shared_ptr<ElasticTissues> ElasticTissues::of(const SceneConfig& scene, std
                                                    const std::filesystem::path& columns_folder) {
   const std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
   if (bodies.empty()) return nullptr;
-  return std::make_shared<ElasticTissues>(bodies, tools, scene.tip_radius_m, pace,
-                                          columns_folder);
+  return std::make_shared<ElasticTissues>(bodies, tools, scene.tip_radius_m, pace, columns_folder);
 }
 
 std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
@@ -68,8 +67,8 @@ ElasticTissues::ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>
       last_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()),
       ready_s_(last_solve_s_) {
   for (const auto& body : bodies) {
-    tissues_.push_back(std::make_unique<ElasticTissue>(body, tools, tip_radius_m,
-                                                       pace_ == ElasticPace::kFolded));
+    tissues_.push_back(
+        std::make_unique<ElasticTissue>(body, tools, tip_radius_m, pace_ == ElasticPace::kFolded));
   }
   if (pace_ != ElasticPace::kThread) return;
   for (auto& tissue : tissues_) {

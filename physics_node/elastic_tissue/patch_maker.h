@@ -23,7 +23,7 @@ struct ElasticPatch {
     double distance_m = 0.0;  ///< elastic_distance_m() in the last state
   };
   std::vector<Slot> slots{};  ///< kElasticSlots, or empty: none yet
-  ElasticState state{};  ///< number 0: none yet
+  ElasticState state{};       ///< number 0: none yet
 };
 
 /// Chooses the points: those that are pressed, then those that face the tip, nearest to its way

@@ -14,9 +14,7 @@ constexpr std::size_t kMostUnfolded = 64;
 
 Batch::Batch(std::shared_ptr<const SharedScene> shared, std::size_t scenes, std::size_t tools,
              std::size_t threads)
-    : tools_(tools),
-      is_folded_(scenes > kMostUnfolded),
-      untouched_(shared, tools, is_folded_) {
+    : tools_(tools), is_folded_(scenes > kMostUnfolded), untouched_(shared, tools, is_folded_) {
   for (std::size_t i = 0; i < scenes; ++i) {
     simulations_.push_back(std::make_unique<Simulation>(shared, tools, is_folded_));
   }

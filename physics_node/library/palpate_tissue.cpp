@@ -82,13 +82,15 @@ std::string range(const std::string& name, double value, const std::string& rule
 
 /// A NULL or an index that is not there.
 palpate_tissue_status null_pointer(const char* name) {
-  return failed(PALPATE_TISSUE_NULL_POINTER, std::string(name) + " is NULL; pass one that was made");
+  return failed(PALPATE_TISSUE_NULL_POINTER,
+                std::string(name) + " is NULL; pass one that was made");
 }
 
 palpate_tissue_status no_copy(std::size_t copy, std::size_t count) {
-  return failed(PALPATE_TISSUE_OUT_OF_RANGE,
-                "copy " + std::to_string(copy) + ": there are " + std::to_string(count) +
-                    "; give 0 to " + std::to_string(count - 1) + ", or PALPATE_EVERY where allowed");
+  return failed(PALPATE_TISSUE_OUT_OF_RANGE, "copy " + std::to_string(copy) + ": there are " +
+                                                 std::to_string(count) + "; give 0 to " +
+                                                 std::to_string(count - 1) +
+                                                 ", or PALPATE_EVERY where allowed");
 }
 
 bool is_within(const double* numbers, std::size_t count, double most) {
@@ -113,9 +115,7 @@ std::string complaint_about(const palpate_tool& tool) {
 
 Vector3 vector_of(const double* numbers) { return {numbers[0], numbers[1], numbers[2]}; }
 
-void write(const Vector3& vector, double* numbers) {
-  std::copy_n(vector.data(), 3, numbers);
-}
+void write(const Vector3& vector, double* numbers) { std::copy_n(vector.data(), 3, numbers); }
 
 Simulation::Target target_of(const palpate_tool& tool) {
   const auto& q = tool.orientation_wxyz;
@@ -159,9 +159,8 @@ struct Shown {
 /// The surface of a tissue where no tool touches it.
 Shown untouched_surface(const SharedScene& shared, std::size_t tissue) {
   const palpate::TissueConfig& config = shared.config().tissues[tissue];
-  const auto body = std::find_if(
-      shared.bodies().begin(), shared.bodies().end(),
-      [&](const auto& one) { return one->body()->tissue == tissue; });
+  const auto body = std::find_if(shared.bodies().begin(), shared.bodies().end(),
+                                 [&](const auto& one) { return one->body()->tissue == tissue; });
   palpate::SurfaceMesh mesh =
       body != shared.bodies().end()
           ? palpate::physics::display_mesh(*(*body)->body())
@@ -211,8 +210,8 @@ palpate_scene* read_scene(const char* const* sets, std::size_t set_count, const 
                        "which the library cannot be; take the field out");
     }
     try {
-      made = new palpate_scene{std::make_shared<const SharedScene>(session.scene,
-                                                                   palpate::reach_of(session))};
+      made = new palpate_scene{
+          std::make_shared<const SharedScene>(session.scene, palpate::reach_of(session))};
     } catch (const SetupError& error) {
       throw SetupError(palpate::with_place(session, error.what()));
     }
@@ -247,9 +246,9 @@ palpate_scene* palpate_scene_parse(const char* text, const char* folder, const c
     // the name of a session matters to its processes only
     std::vector<std::string> named{"name=scene"};
     named.insert(named.end(), overrides.begin(), overrides.end());
-    return palpate::parse_session(text, "scene", named,
-                                  folder != nullptr ? std::filesystem::path(folder)
-                                                    : std::filesystem::path());
+    return palpate::parse_session(
+        text, "scene", named,
+        folder != nullptr ? std::filesystem::path(folder) : std::filesystem::path());
   });
 }
 
@@ -322,9 +321,9 @@ palpate_tissue_status palpate_batch_step(palpate_batch* batch, double dt_s, uint
     for (std::size_t i = 0; i < batch->tools.size(); ++i) {
       const std::string complaint = complaint_about(batch->tools[i]);
       if (!complaint.empty()) {
-        return failed(PALPATE_TISSUE_OUT_OF_RANGE,
-                      "copy " + std::to_string(i / per_copy) + ", tool " +
-                          std::to_string(i % per_copy) + ": " + complaint);
+        return failed(PALPATE_TISSUE_OUT_OF_RANGE, "copy " + std::to_string(i / per_copy) +
+                                                       ", tool " + std::to_string(i % per_copy) +
+                                                       ": " + complaint);
       }
       batch->targets[i] = target_of(batch->tools[i]);
     }
@@ -366,11 +365,10 @@ palpate_snapshot* palpate_batch_snapshot(const palpate_batch* batch, size_t copy
   guarded([&] {
     if (batch == nullptr) return null_pointer("batch");
     if (copy >= batch->batch.size()) return no_copy(copy, batch->batch.size());
-    auto kept = std::make_unique<palpate_snapshot>(
-        palpate_snapshot{.shared = batch->shared,
-                         .tools = batch->batch.tools(),
-                         .simulation = Simulation(batch->shared, batch->batch.tools(),
-                                                  batch->batch.is_folded())});
+    auto kept = std::make_unique<palpate_snapshot>(palpate_snapshot{
+        .shared = batch->shared,
+        .tools = batch->batch.tools(),
+        .simulation = Simulation(batch->shared, batch->batch.tools(), batch->batch.is_folded())});
     kept->simulation.continue_as(batch->batch.at(copy));
     made = kept.release();
     return PALPATE_TISSUE_OK;
@@ -414,12 +412,12 @@ palpate_tissue_status palpate_batch_surface(palpate_batch* batch, size_t copy, s
                                                      "; count from 0");
     }
     const auto place = batch->shown.find({copy, tissue});
-    Shown& shown = place != batch->shown.end()
-                       ? place->second
-                       : batch->shown
-                             .emplace(std::pair{copy, tissue},
-                                      untouched_surface(*batch->shared, tissue))
-                             .first->second;
+    Shown& shown =
+        place != batch->shown.end()
+            ? place->second
+            : batch->shown
+                  .emplace(std::pair{copy, tissue}, untouched_surface(*batch->shared, tissue))
+                  .first->second;
     batch->batch.at(copy).read_surface(tissue, shown.vertices_m, shown.strain);
     *surface = {.vertices_m = shown.vertices_m.data(),
                 .strain = shown.strain.empty() ? nullptr : shown.strain.data(),

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /** @file
  * palpate_tissue.h - the tissue of Palpate without its processes: the force of a scene on tools,
- * step by step, for one scene or thousands. For C and whatever can call C; C++ has palpate_tissue.hpp,
- * Python the package palpate_tissue. Link libpalpate_tissue; flags: pkg-config palpate_tissue.
+ * step by step, for one scene or thousands. For C and whatever can call C; C++ has
+ * palpate_tissue.hpp, Python the package palpate_tissue. Link libpalpate_tissue; flags: pkg-config
+ * palpate_tissue.
  *
  * SI units, frame W of the scene; arrays of three are x, y, z. Structs filled with zeros are valid.
  * Nothing throws. What fails returns NULL or a status other than PALPATE_TISSUE_OK, has changed
@@ -84,8 +85,8 @@ typedef struct palpate_tool_force {
 /** A surface of triangles. The pointers stay valid until the next call for the same tissue of the
  * same copy, or the end of the batch. */
 typedef struct palpate_surface {
-  const float* vertices_m;   /**< 3 each; of elastic tissue as the last full solution has them */
-  const float* strain;       /**< equivalent strain at the vertices; NULL: the tissue is not elastic */
+  const float* vertices_m; /**< 3 each; of elastic tissue as the last full solution has them */
+  const float* strain; /**< equivalent strain at the vertices; NULL: the tissue is not elastic */
   const uint32_t* triangles; /**< 3 vertices each, counter-clockwise seen from outside */
   size_t vertex_count;       /**< of vertices_m and strain */
   size_t triangle_count;     /**< of triangles */
@@ -133,9 +134,10 @@ PALPATE_API const palpate_tool_force* palpate_batch_forces(const palpate_batch* 
  * numbers to the bit as alone, whatever the number of threads. Between two full solutions of an
  * elastic tissue (elastic.solve_rate_hz) there should be some parts; a part longer than the period
  * of the solutions moves the body by one period only.
- * @param dt_s   of the step, 1e-6 .. 10   @param parts  1 .. 100,000 equal ones, as if so many steps
- * @return  not PALPATE_TISSUE_OK: nothing has moved; PALPATE_TISSUE_FAILED, PALPATE_TISSUE_NO_MEMORY:
- *          some copies may have moved; restore or reset them */
+ * @param dt_s   of the step, 1e-6 .. 10   @param parts  1 .. 100,000 equal ones, as if so many
+ * steps
+ * @return  not PALPATE_TISSUE_OK: nothing has moved; PALPATE_TISSUE_FAILED,
+ * PALPATE_TISSUE_NO_MEMORY: some copies may have moved; restore or reset them */
 PALPATE_API palpate_tissue_status palpate_batch_step(palpate_batch* batch, double dt_s,
                                                      uint32_t parts);
 /** Seconds that a copy has moved since its time 0; NaN beyond. */

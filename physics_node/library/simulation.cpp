@@ -11,9 +11,9 @@ namespace palpate::physics {
 Simulation::Simulation(std::shared_ptr<const SharedScene> shared, std::size_t tools, bool is_folded)
     : shared_(std::move(shared)), last_(tools) {
   if (!shared_->bodies().empty()) {
-    elastic_ = std::make_shared<ElasticTissues>(
-        shared_->bodies(), tools, shared_->config().tip_radius_m,
-        is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual);
+    elastic_ =
+        std::make_shared<ElasticTissues>(shared_->bodies(), tools, shared_->config().tip_radius_m,
+                                         is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual);
   }
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.emplace_back(shared_->scene(), shared_->reach_m(), elastic_, i);
@@ -58,8 +58,9 @@ void Simulation::describe(const SceneTool& tool, const ToolState& state, const S
       radius_m = config.shaft_radius_m;
       const Touch* const touch = tool.memory().find(contact.tissue, true);
       if (touch != nullptr) {
-        center_m = touch->proxy.point_m +
-                   displacement(config.tissues[contact.tissue].motion, seconds_of(time_)).position_m;
+        center_m =
+            touch->proxy.point_m +
+            displacement(config.tissues[contact.tissue].motion, seconds_of(time_)).position_m;
       }
     }
     TouchedPlace& place = out.places[out.place_count++];

@@ -34,7 +34,7 @@ struct ToolForce {
   Vector3 force_on_tool_newton = Vector3::Zero();
   Vector3 torque_on_tool_newton_m = Vector3::Zero();  ///< about the centre of the tip
   double stored_energy_joule = 0.0;
-  double error_newton = 0.0;  ///< sum of the bounds of the places
+  double error_newton = 0.0;                        ///< sum of the bounds of the places
   std::array<TouchedPlace, kMaxContacts> places{};  ///< deepest first
   std::uint32_t place_count = 0;                    ///< entries of `places`
   std::uint32_t contact_count = 0;                  ///< all; may be larger

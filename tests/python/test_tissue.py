@@ -120,14 +120,14 @@ class Tissue(unittest.TestCase):
         scene = pt.Scene.parse(LUMP, SESSIONS)
         env = find_lump.FindLump(scene, 3, lump=(0.01, 0.0), spread=0.004)
         policy = find_lump.Scripted(env, reach=0.016, points=3, depth=0.003)
-        rows = find_lump.rollout(env, policy, 60)
+        rows = find_lump.rollout(env, policy, 100)
         found = rows["away"][rows["terminated"]]
         self.assertGreaterEqual(len(found), 3)
         self.assertLess(found.mean(), 0.009)
-        again = find_lump.rollout(env, find_lump.Scripted(env, reach=0.016, points=3, depth=0.003), 60)
-        self.assertEqual(again["observation"].tobytes(), rows["observation"].tobytes(), "not repeatable")
-        chance = find_lump.rollout(env, find_lump.random_policy, 60)
-        self.assertEqual(chance["observation"].shape, (60, 3, 6))
+        again = find_lump.rollout(env, find_lump.Scripted(env, reach=0.016, points=3, depth=0.003), 20)
+        self.assertEqual(again["observation"].tobytes(), rows["observation"][:20].tobytes(), "not repeatable")
+        chance = find_lump.rollout(env, find_lump.random_policy, 20)
+        self.assertEqual(chance["observation"].shape, (20, 3, 6))
 
         features = pt.rows.lerobot_features({"observation.state": rows["observation"][:, 0], "next.reward": rows["reward"][:, 0]},
                                             {"observation.state": ["x", "y", "z", "fx", "fy", "fz"]})

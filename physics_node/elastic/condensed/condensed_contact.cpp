@@ -134,11 +134,12 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   along_ = along;
   base_forces_newton_ = forces_newton_;
   if (moves_surface_) first_m_ = x_m;
-  equilibria_.assign(1, {.sum_newton = sum_of_forces_newton(),
-                         .positions_m = positions_m_,
-                         .rates_m = {},
-                         .forces_newton = forces_newton_,
-                         .surface_m = std::vector<float>(moves_surface_ ? surface_stride_ : 0, 0.0F)});
+  equilibria_.assign(1,
+                     {.sum_newton = sum_of_forces_newton(),
+                      .positions_m = positions_m_,
+                      .rates_m = {},
+                      .forces_newton = forces_newton_,
+                      .surface_m = std::vector<float>(moves_surface_ ? surface_stride_ : 0, 0.0F)});
   modal_ = {};
   lower_ = 0;
   share_ = 0.0;
@@ -151,11 +152,10 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
 }
 
 void CondensedContact::swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,
-                             const VectorXd& from_m, const VectorXd& x_m,
-                             const VectorXd& v_m_per_s, const VectorXd& a_m_per_s2) {
+                             const VectorXd& from_m, const VectorXd& x_m, const VectorXd& v_m_per_s,
+                             const VectorXd& a_m_per_s2) {
   if (modes.count() == 0) return;
-  modal_ =
-      ModalMotion(modes, points, chosen_, from_m, x_m, v_m_per_s, a_m_per_s2, forces_newton_);
+  modal_ = ModalMotion(modes, points, chosen_, from_m, x_m, v_m_per_s, a_m_per_s2, forces_newton_);
   modal_.take_from(own_among(), stride_);
   stepped_ = *among_;
   stepped_pace_ = 0.0;

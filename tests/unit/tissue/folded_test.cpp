@@ -37,8 +37,8 @@ TEST(Folded, IsTheSameToTheBitAndCanBecomeTheOther) {
   const auto shared = block();
   Simulation kept(shared, 1, false);
   Simulation folded(shared, 1, true);
-  Simulation other(shared, 1, false);   // becomes folded's, then
-  Simulation fourth(shared, 1, true);   // that of kept
+  Simulation other(shared, 1, false);  // becomes folded's, then
+  Simulation fourth(shared, 1, true);  // that of kept
   double most_newton = 0.0;
   constexpr int kSwitch = 260;
   for (int k = 0; k < 520; ++k) {

@@ -286,19 +286,17 @@ std::string error_of(const std::function<void()>& call) {
 TEST(TissueLibrary, RefusesWithAReasonAndARemedy) {
   EXPECT_THAT(error_of([] { static_cast<void>(Scene::load("nowhere.txtpb")); }),
               HasSubstr("nowhere.txtpb"));
-  EXPECT_THAT(error_of([] {
-                static_cast<void>(Scene::parse("scene { tissue { half_spaze {} } }"));
-              }),
-              HasSubstr("scene:1:18"));
+  EXPECT_THAT(
+      error_of([] { static_cast<void>(Scene::parse("scene { tissue { half_spaze {} } }")); }),
+      HasSubstr("scene:1:18"));
   EXPECT_THAT(error_of([] {
                 static_cast<void>(Scene::load(kSessions + "/block_with_tumour.txtpb",
                                               {"scene.tissue[0].elastic.young_pa=-1"}));
               }),
               HasSubstr("young_pa"));
-  EXPECT_THAT(error_of([] {
-                static_cast<void>(Scene::load(kSessions + "/engines/bullet_block.txtpb"));
-              }),
-              HasSubstr("physics.command"));
+  EXPECT_THAT(
+      error_of([] { static_cast<void>(Scene::load(kSessions + "/engines/bullet_block.txtpb")); }),
+      HasSubstr("physics.command"));
   const Scene scene = remembering_scene();
   EXPECT_THAT(error_of([&] { Batch(scene, 0); }), HasSubstr("scenes = 0: must be 1 to"));
   EXPECT_THAT(error_of([&] { Batch(scene, 1, 65); }), HasSubstr("tools = 65"));
