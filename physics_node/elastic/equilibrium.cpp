@@ -27,8 +27,8 @@ EquilibriumSearch::EquilibriumSearch(const Body& body)
 }
 
 void EquilibriumSearch::fold() {
-  batches_.before = {};
-  rotation_work_ = {};
+  give_back(batches_.before);
+  give_back(rotation_work_);
   for (VectorXd* buffer : {&gradient_, &old_gradient_, &direction_, &trial_}) *buffer = {};
   for (int i = 0; i < kMemory; ++i) steps_[i] = changes_[i] = {};
 }

@@ -110,7 +110,8 @@ void WarpedFactor::continue_as(const WarpedFactor& other) {
 }
 
 void WarpedFactor::fold() {
-  turns_ = packed_ = {};
+  give_back(turns_);
+  give_back(packed_);
   std::visit([&](auto& cholesky) { cholesky.fold(recipe_.has_value() && is_ready_); }, cholesky_);
 }
 

@@ -79,7 +79,7 @@ typedef struct palpate_tool_force {
   double error_newton;               /**< sum of those of the contacts */
   uint32_t contact_count;            /**< of all contacts; may be more than listed */
   uint32_t listed_count;             /**< of contacts, the deepest first */
-  palpate_contact contacts[PALPATE_MOST_CONTACTS];
+  palpate_contact contacts[PALPATE_MOST_CONTACTS]; /**< the deepest first */
 } palpate_tool_force;
 
 /** A surface of triangles. The pointers stay valid until the next call for the same tissue of the
@@ -99,13 +99,17 @@ PALPATE_API const char* palpate_tissue_version(void);
 PALPATE_API const char* palpate_tissue_error(void);
 
 /** Reads the scene of a session file; seconds for large elastic bodies.
+ * @param file  as `palpate scene check` takes it
  * @param sets  "path=value", as with --set: overrides in the file; NULL where set_count is 0
+ * @param set_count  of them
  * @return  NULL: failed; every problem is told with file, line and field */
 PALPATE_API palpate_scene* palpate_scene_load(const char* file, const char* const* sets,
                                               size_t set_count);
 /** The same from memory.
  * @param text    a session in protobuf text format; its scene is enough
- * @param folder  base of the relative paths in it; NULL: it may name no file */
+ * @param folder  base of the relative paths in it; NULL: it may name no file
+ * @param sets    as above   @param set_count  of them
+ * @return  NULL: failed */
 PALPATE_API palpate_scene* palpate_scene_parse(const char* text, const char* folder,
                                                const char* const* sets, size_t set_count);
 /** Frees a scene; batches of it stay. NULL is allowed. */
@@ -118,6 +122,7 @@ PALPATE_API const char* palpate_scene_tissue_name(const palpate_scene* scene, si
 PALPATE_API double palpate_scene_tip_radius_m(const palpate_scene* scene);
 
 /** Makes copies of a scene.
+ * @param scene    which may be destroyed before the batch
  * @param scenes   1 .. 1,000,000 copies   @param tools  1 .. 64 in each
  * @param threads  1 .. 1024 that make the steps; 0: one for each processor
  * @return  NULL: failed */
@@ -134,6 +139,7 @@ PALPATE_API const palpate_tool_force* palpate_batch_forces(const palpate_batch* 
  * numbers to the bit as alone, whatever the number of threads. Between two full solutions of an
  * elastic tissue (elastic.solve_rate_hz) there should be some parts; a part longer than the period
  * of the solutions moves the body by one period only.
+ * @param batch  whose palpate_batch_tools() say where to
  * @param dt_s   of the step, 1e-6 .. 10   @param parts  1 .. 100,000 equal ones, as if so many
  * steps
  * @return  not PALPATE_TISSUE_OK: nothing has moved; PALPATE_TISSUE_FAILED,
@@ -148,14 +154,14 @@ PALPATE_API palpate_tissue_status palpate_batch_reset(palpate_batch* batch, size
                                                       double time_s);
 /** Keeps the state of a copy. @return  NULL: failed */
 PALPATE_API palpate_snapshot* palpate_batch_snapshot(const palpate_batch* batch, size_t copy);
-/** A copy, or PALPATE_EVERY, continues from that state to the bit. @param snapshot  of a batch of
- * the same scene with as many tools */
+/** A copy, or PALPATE_EVERY, continues from that state to the bit. The snapshot must be of a batch
+ * of the same scene with as many tools. */
 PALPATE_API palpate_tissue_status palpate_batch_restore(palpate_batch* batch, size_t copy,
                                                         const palpate_snapshot* snapshot);
 /** Frees a snapshot. NULL is allowed. */
 PALPATE_API void palpate_snapshot_destroy(palpate_snapshot* snapshot);
 
-/** The surface of a tissue in a copy, as it is now. @param surface  to be filled */
+/** Fills `surface` with that of a tissue in a copy, as it is now. */
 PALPATE_API palpate_tissue_status palpate_batch_surface(palpate_batch* batch, size_t copy,
                                                         size_t tissue, palpate_surface* surface);
 

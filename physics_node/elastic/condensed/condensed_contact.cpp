@@ -128,7 +128,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
       }
     }
   }
-  if (!moves_surface_) onto_surface_ = {};
+  if (!moves_surface_) give_back(onto_surface_);
   reached_m_ = positions_m_;
   still_m_ = positions_m_;
   along_ = along;
@@ -318,7 +318,7 @@ void CondensedContact::start_between(double sum_newton) noexcept {
 }
 
 void CondensedContact::fold() {
-  stepped_ = {};
+  give_back(stepped_);
   stepped_pace_ = 0.0;
 }
 

