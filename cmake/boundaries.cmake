@@ -78,7 +78,7 @@ set(PALPATE_BOUNDARIES
   "physics_node/engine_process:common/*,physics_node,physics_node/answer,physics_node/display/display.h,physics_node/foreign,physics_node/sdk/physics.h,@log,@cli"
   "physics_node/engines/bullet:physics_node/sdk/physics.h"
   "physics_node/engines/mujoco:physics_node/sdk/physics.h"
-  "physics_node:common/core,common/coupling,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/answer,physics_node/scene,physics_node/elastic_tissue"
+  "physics_node:common/core,common/coupling,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/answer,physics_node/library,physics_node/scene,physics_node/elastic_tissue"
   # what hop 3 carries of a step: models, descriptions, waves, and when
   "physics_node/answer:common/core,common/coupling,common/contact,common/session/scene_config.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
@@ -88,6 +88,9 @@ set(PALPATE_BOUNDARIES
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/condensed,@threads"
+  # the tissue by itself: in physics_node, and without processes; installed with its C interface
+  "physics_node/library:common/core,common/contact,common/session,physics_node/files,physics_node/scene,physics_node/elastic_tissue,physics_node/display/display_mesh.h,@threads"
+  "physics_node/library/examples:palpate_tissue.h,palpate_tissue.hpp"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic_tissue"
 
   # feed ← recording, server ← process (the files of viewer_node itself)
@@ -155,6 +158,11 @@ function(palpate_check_boundaries)
   palpate_forbid_links(palpate_controllers palpate_core palpate_contact palpate_session
                        palpate_telemetry device_node_lib physics_node_lib ${truth} ${viewers} ${sockets})
   palpate_forbid_links(mofc_node_lib palpate_controllers physics_node_lib device_node_lib ${truth} ${viewers} ${sockets})
+  palpate_forbid_links(palpate_tissue mofc_node_lib palpate_clamp device_node_lib physics_node_lib physics_loop
+                       ${truth} ${viewers} ${sockets})
+  palpate_forbid_links(palpate_tissue_c mofc_node_lib palpate_clamp device_node_lib physics_node_lib
+                       physics_loop ${truth} ${viewers} palpate_link palpate_process
+                       palpate_telemetry_output cppzmq spdlog::spdlog)
   palpate_forbid_links(mofc_node palpate_controllers)  # those of others are loaded
   palpate_forbid_links(device_mofc_node palpate_controllers)
   palpate_forbid_links(physics_node_lib mofc_node_lib palpate_clamp device_node_lib ${truth}

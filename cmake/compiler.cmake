@@ -50,3 +50,12 @@ endif()
 
 # No fused multiply-add behind our back: lockstep runs are equal to the bit on every build type.
 add_compile_options(-ffp-contract=off)
+
+# For static libraries that shared ones are made of, too: nothing else changes, calls within a library
+# stay calls within it.
+function(palpate_position_independent)
+  set_target_properties(${ARGN} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  foreach(target IN LISTS ARGN)
+    target_compile_options(${target} PRIVATE -fno-semantic-interposition)
+  endforeach()
+endfunction()

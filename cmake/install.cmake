@@ -51,6 +51,23 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/palpateConfigVersion.cmak
 set(package_files cmake/palpateConfig.cmake ${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake)
 install(FILES ${package_files} DESTINATION ${package_folder} COMPONENT controllers)
 
+# The tissue by itself: cmake --install BUILD --component tissue --prefix FOLDER
+install(TARGETS palpate_tissue_c EXPORT palpateTissue
+        LIBRARY COMPONENT tissue NAMELINK_COMPONENT tissue
+        PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT tissue
+        INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+configure_file(physics_node/library/palpate_tissue.pc.in palpate_tissue.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/palpate_tissue.pc
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/pkgconfig COMPONENT tissue)
+install(DIRECTORY physics_node/library/examples/ COMPONENT tissue
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/tissue)
+# for pip, which then finds the library that is installed
+install(DIRECTORY physics_node/library/python/ COMPONENT tissue
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/python/tissue
+        FILES_MATCHING PATTERN "*.py" PATTERN "*.toml" PATTERN "py.typed" PATTERN "build" EXCLUDE)
+install(EXPORT palpateTissue NAMESPACE palpate:: DESTINATION ${package_folder} COMPONENT tissue)
+install(FILES ${package_files} DESTINATION ${package_folder} COMPONENT tissue)
+
 # To bring a physics of one's own: cmake --install BUILD --component physics --prefix FOLDER
 install(FILES physics_node/sdk/physics.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate
         COMPONENT physics)
@@ -91,10 +108,10 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/palpate-dev RENAM
         COMPONENT devices)
 set(CPACK_GENERATOR DEB)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-set(CPACK_COMPONENTS_ALL programs controllers physics devices)
+set(CPACK_COMPONENTS_ALL programs controllers tissue physics devices)
 set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
 set(CPACK_COMPONENT_PROGRAMS_GROUP runtime)
-foreach(component CONTROLLERS PHYSICS DEVICES)
+foreach(component CONTROLLERS TISSUE PHYSICS DEVICES)
   set(CPACK_COMPONENT_${component}_GROUP dev)
 endforeach()
 set(CPACK_SET_DESTDIR ON)  # for /etc

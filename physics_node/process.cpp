@@ -93,10 +93,7 @@ void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
                      ": physics.command names another program as the physics of this session; "
                      "start it with `palpate launch`, or take the field out");
   }
-  const bool is_any_local =
-      std::any_of(session.sides.begin(), session.sides.end(),
-                  [](const Side& side) { return side.mofc.interaction == InteractionUse::kLocal; });
-  const double reach_m = is_any_local ? session.physics.reach_m : 0.0;
+  const double reach_m = reach_of(session);
   const auto scene = std::make_shared<Scene>(session.scene, reach_m);
   const std::shared_ptr<ElasticTissues> elastic =
       ElasticTissues::of(session.scene, session.sides.size(), ElasticPace::kThread,

@@ -54,28 +54,25 @@ SceneEngine::SceneEngine(const SceneConfig& scene, const PhysicsConfig& physics,
 
 SceneEngine::SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, InteractionUse use,
                          double reach_m, std::shared_ptr<ElasticTissues> elastic, std::size_t tool)
-    : scene_(std::move(scene)),
-      reach_m_(reach_m),
-      elastic_(std::move(elastic)),
-      tool_(tool),
-      memory_(scene_->new_memory()),
-      surface_(use == InteractionUse::kLocal ? scene_->descriptions()
+    : tool_(std::move(scene), reach_m, std::move(elastic), tool),
+      surface_(use == InteractionUse::kLocal ? tool_.scene().descriptions()
                                              : std::span<const DescribedTissue>{},
                rate_hz) {
-  counters_.surfaces_shared = scene_->shared_surface_count();
+  counters_.surfaces_shared = tool_.scene().shared_surface_count();
 }
 
 bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
                        Interaction& answer) noexcept {
   const double time_s = to_seconds((now + answer.scene_ahead).time_since_epoch());
-  const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
-  SceneForce force = scene_->step(memory_, motion.tool_position_world_m,
-                                  motion.tool_velocity_world_m_per_s, time_s, shaft_to_handle);
-  if (elastic_ && motion.elastic_receipts) {
-    elastic_->describe_ahead(tool_, motion.tool_velocity_world_m_per_s,
-                             to_seconds(motion.receipts.loop_age));
+  ElasticTissues* const elastic = tool_.elastic();
+  if (elastic != nullptr && motion.elastic_receipts) {
+    elastic->describe_ahead(tool_.index(), motion.tool_velocity_world_m_per_s,
+                            to_seconds(motion.receipts.loop_age));
   }
-  if (elastic_) elastic_->step(tool_, motion.tool_position_world_m, time_s, reach_m_, force);
+  const SceneForce force = tool_.step({.position_m = motion.tool_position_world_m,
+                                       .velocity_m_per_s = motion.tool_velocity_world_m_per_s,
+                                       .orientation = motion.tool_orientation_world},
+                                      time_s);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;
   std::copy_n(force.contacts.begin(), force.listed_count, answer.contacts.begin());
@@ -83,7 +80,7 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
   answer.contact_count = force.contact_count;
   reduce_to_range(answer);
   surface_.fill(motion, now, answer);
-  if (elastic_) patches_.fill(*elastic_, tool_, motion, now, answer);
+  if (elastic != nullptr) patches_.fill(*elastic, tool_.index(), motion, now, answer);
 
   counters_.tissues_skipped += force.tissues_skipped;
   counters_.tissues_visited += force.tissues_visited;
@@ -100,9 +97,10 @@ void SceneEngine::count_into(PhysicsCounters& counters) const noexcept {
   counters.octree_last_cell_hits = counters_.octree_last_cell_hits;
   counters.tissues_asleep = counters_.tissues_asleep;
   counters.surfaces_shared = counters_.surfaces_shared;
-  if (!elastic_) return;
-  elastic_->count_into(counters);
-  elastic_->count_tool_into(tool_, counters);
+  const ElasticTissues* const elastic = tool_.elastic();
+  if (elastic == nullptr) return;
+  elastic->count_into(counters);
+  elastic->count_tool_into(tool_.index(), counters);
 }
 
 }  // namespace palpate::physics

@@ -9,13 +9,12 @@
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/elastic_tissue/patch_sender.h"
 #include "physics_node/engine.h"
+#include "physics_node/library/scene_tool.h"
 #include "physics_node/scene/scene.h"
 
 namespace palpate::physics {
 
-/// The state between two steps is the TissueMemory: proxies, friction, punctures and relaxation.
-/// The position of moving tissue follows from the time of the step. step() is real-time safe: no
-/// allocation, no lock, no throw; except with elastic tissue at ElasticPace::kVirtual.
+/// The step of a SceneTool, and what hop 3 carries of it; real-time safe as that is.
 class SceneEngine final : public Engine {
  public:
   /// @param use  how mofc_node uses an Interaction: only for a local model the near tissue is
@@ -37,11 +36,7 @@ class SceneEngine final : public Engine {
   void note_changed(std::uint32_t tissue) noexcept { surface_.forget(tissue); }
 
  private:
-  std::shared_ptr<const Scene> scene_;
-  double reach_m_;
-  std::shared_ptr<ElasticTissues> elastic_;
-  std::size_t tool_;
-  TissueMemory memory_;
+  SceneTool tool_;
   SurfaceSender surface_;
   PatchSender patches_;
   PhysicsCounters counters_;  // of these only what count_into() sets

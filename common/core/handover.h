@@ -13,6 +13,31 @@ namespace palpate {
 template <class T>
 class Handover {
  public:
+  Handover() = default;
+  /// Only while neither thread uses the two.
+  Handover(const Handover& other) { *this = other; }
+  Handover& operator=(const Handover& other) {
+    if (this == &other) return *this;
+    objects_ = other.objects_;
+    middle_.store(other.middle_.load(std::memory_order_relaxed), std::memory_order_relaxed);
+    draft_ = other.draft_;
+    taken_ = other.taken_;
+    has_taken_ = other.has_taken_;
+    return *this;
+  }
+  ~Handover() = default;
+  /// The object here where `object` is in the other one; null: null.
+  [[nodiscard]] const T* place_of(const Handover& other, const T* object) const noexcept {
+    return object == nullptr ? nullptr : objects_.data() + (object - other.objects_.data());
+  }
+
+  /// The object that neither uses; nullptr: there is news. Only while neither thread uses the
+  /// hand-over.
+  [[nodiscard]] T* spare() noexcept {
+    const std::uint8_t middle = middle_.load(std::memory_order_relaxed);
+    return (middle & kFresh) != 0 ? nullptr : &objects_[middle & kIndex];
+  }
+
   /// The writer's object; what it was when it was last written, two or three hand-overs ago.
   [[nodiscard]] T& draft() noexcept { return objects_[draft_]; }
   /// The draft becomes the newest.

@@ -18,6 +18,13 @@ class Snapshot {
 
  public:
   Snapshot() { store(T{}); }
+  /// Only on the writer's thread.
+  Snapshot(const Snapshot& other) { store(other.load()); }
+  Snapshot& operator=(const Snapshot& other) {
+    if (this != &other) store(other.load());
+    return *this;
+  }
+  ~Snapshot() = default;
 
   void store(const T& value) noexcept {
     std::array<std::uint64_t, kWords> words{};

@@ -23,6 +23,13 @@ std::uint64_t stream_seed(const Session& session, const Side& side, const char* 
   return stream_seed(seed, stream);
 }
 
+double reach_of(const Session& session) {
+  const bool is_any_local =
+      std::any_of(session.sides.begin(), session.sides.end(),
+                  [](const Side& side) { return side.mofc.interaction == InteractionUse::kLocal; });
+  return is_any_local ? session.physics.reach_m : 0.0;
+}
+
 bool may_change_tissue(const Session& session) {
   return session.viewer.has_control &&
          std::none_of(session.sides.begin(), session.sides.end(),

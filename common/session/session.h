@@ -63,6 +63,10 @@ struct Session {
   [[nodiscard]] Side& side() { return sides.front(); }
 };
 
+/// How far from a tool the physics describes tissues before they are touched: physics.reach_m, or 0
+/// where no mofc_node uses that.
+[[nodiscard]] double reach_of(const Session& session);
+
 /// Whether a page may change the stiffness and damping of tissues: with viewer.control, and if no
 /// device is a real one.
 [[nodiscard]] bool may_change_tissue(const Session& session);

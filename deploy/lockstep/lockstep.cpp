@@ -372,11 +372,7 @@ class Lockstep::Impl {
     }
     std::shared_ptr<const physics::Scene> scene;
     if (!options.make_engine) {
-      const bool is_any_local = std::any_of(
-          session_.sides.begin(), session_.sides.end(),
-          [](const Side& side) { return side.mofc.interaction == InteractionUse::kLocal; });
-      scene = std::make_shared<const physics::Scene>(session_.scene,
-                                                     is_any_local ? session_.physics.reach_m : 0.0);
+      scene = std::make_shared<const physics::Scene>(session_.scene, reach_of(session_));
     }
     for (std::size_t i = 0; i < session_.sides.size(); ++i) {
       RowConsumer of_side;

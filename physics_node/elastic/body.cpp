@@ -10,6 +10,7 @@
 
 #include "physics_node/elastic/point_laws.h"
 #include "physics_node/elastic/point_tangent.h"
+#include "physics_node/elastic/warped_factor.h"
 
 namespace palpate::elastic {
 namespace {
@@ -129,7 +130,8 @@ double dilatation(Law law, const Matrix3<double>& F, const double* q) {
 
 }  // namespace
 
-Body::Body(BodyDescription description, const Body* alike) : description_(std::move(description)) {
+Body::Body(BodyDescription description, const Body* alike)
+    : description_(std::move(description)), shared_factors_(std::make_shared<SharedFactors>()) {
   check(description_);
   const Mesh& mesh = description_.mesh;
   std::vector<bool> is_fixed(mesh.nodes_m.size(), false);

@@ -36,6 +36,8 @@ struct BodyDescription {
   std::vector<Attachment> attachments = {};  ///< of ligaments; one or more per node
 };
 
+class SharedFactors;
+
 /// What does not change while a body moves. Positions are vectors of 3 per node.
 class Body {
  public:
@@ -53,6 +55,8 @@ class Body {
   [[nodiscard]] const std::shared_ptr<const SymbolicFactor>& symbolic() const noexcept {
     return symbolic_;
   }
+  /// Of all simulations of this body.
+  [[nodiscard]] SharedFactors& shared_factors() const noexcept { return *shared_factors_; }
   [[nodiscard]] std::size_t node_count() const noexcept { return description_.mesh.nodes_m.size(); }
   [[nodiscard]] const VectorXd& rest_m() const noexcept { return rest_m_; }
   /// Lumped mass per node [kg] (quadratic elements: proportional to the diagonal of the consistent
@@ -95,6 +99,7 @@ class Body {
   BodyDescription description_;
   BlockPattern pattern_;
   std::shared_ptr<const SymbolicFactor> symbolic_;
+  std::shared_ptr<SharedFactors> shared_factors_;
   VectorXd rest_m_;
   VectorXd mass_kg_;
   VectorXd mass_damping_;

@@ -36,7 +36,7 @@ Dynamics::Dynamics(const Body& body, const DynamicsSettings& settings)
     : body_(body),
       settings_(settings),
       search_(body),
-      factor_(std::make_unique<WarpedFactor>(body, Precision::kFloat)),
+      factor_(std::make_unique<WarpedFactor>(body, Precision::kFloat, settings.is_folded)),
       x_(body.rest_m()),
       relaxation_(body.description().branches, body.rest_m().size()) {
   if (relaxation_.is_there()) spring_newton_ = spring_change_newton_ = VectorXd::Zero(x_.size());
@@ -69,6 +69,31 @@ void Dynamics::set_state(const VectorXd& x_m, const VectorXd& v_m_per_s) {
   is_spring_known_ = false;
   is_asleep_ = false;
   quiet_steps_ = 0;
+}
+
+void Dynamics::fold() {
+  start_ = inertial_ = found_ = next_ = {};
+  search_.fold();
+  factor_->fold();
+}
+
+void Dynamics::continue_as(const Dynamics& other) {
+  search_.continue_as(other.search_);
+  factor_->continue_as(*other.factor_);
+  x_ = other.x_;
+  v_ = other.v_;
+  acceleration_ = other.acceleration_;
+  relaxation_ = other.relaxation_;
+  spring_newton_ = other.spring_newton_;
+  is_spring_known_ = other.is_spring_known_;
+  energy_joule_ = other.energy_joule_;
+  is_energy_known_ = other.is_energy_known_;
+  is_asleep_ = other.is_asleep_;
+  quiet_steps_ = other.quiet_steps_;
+  substeps_ = other.substeps_;
+  coarse_steps_ = other.coarse_steps_;
+  acceleration_change_m_per_s2_ = other.acceleration_change_m_per_s2_;
+  counters_ = other.counters_;
 }
 
 double Dynamics::kinetic_joule(const VectorXd& v_m_per_s) const {
@@ -138,6 +163,8 @@ SearchReport Dynamics::balance(double h_s, Obstacle* obstacle) {
   if (!factor_->is_ready() || (is_other_step && settings_.is_exact)) {
     search_.update_rotations(start_);
     static_cast<void>(make_factor(start_, goal.shift(), obstacle));
+  } else if (settings_.is_folded) {
+    factor_->unfold();
   }
   factor_->turn_to(search_.rotations());
   SearchLimits limits{.tolerance_m = settings_.tolerance_m,
@@ -202,6 +229,7 @@ void Dynamics::choose_substeps(double h_s) {
 
 StepReport Dynamics::single_step(double dt_s, Obstacle* obstacle) {
   StepReport report;
+  if (settings_.is_folded) search_.unfold();
   if (!is_energy_known_) {
     const Goal here{};
     energy_joule_ = search_.evaluate(here, x_) + kinetic_joule(v_);

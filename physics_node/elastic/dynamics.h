@@ -38,6 +38,7 @@ struct DynamicsSettings {
   int most_substeps = 8;
   /// A step goes on while Obstacle::begin_round() says so, at most so many rounds.
   int most_rounds = 1;
+  bool is_folded = false;  ///< fold() will be called
 };
 
 struct StepReport {
@@ -76,6 +77,13 @@ class Dynamics {
   ~Dynamics();
   Dynamics(const Dynamics&) = delete;
   Dynamics& operator=(const Dynamics&) = delete;
+
+  /// Continues as the other would, to the bit. @pre  both of the same body, with is_exact
+  void continue_as(const Dynamics& other);
+
+  /// Frees what only a step needs, and a factor that nobody shares: the next step makes it again,
+  /// to the bit. @pre  is_folded, is_exact
+  void fold();
 
   /// @param dt_s > 0   @param obstacle  may be null
   StepReport step(double dt_s, Obstacle* obstacle = nullptr);

@@ -21,9 +21,23 @@ double largest_component(const VectorXd& v) { return v.cwiseAbs().maxCoeff(); }
 EquilibriumSearch::EquilibriumSearch(const Body& body)
     : body_(&body),
       batches_(body.new_batches()),
-      rotations_(no_rotations(body.node_count())),
-      rotation_work_(rotations_.size()) {
-  const Eigen::Index size = body.rest_m().size();
+      before_size_(batches_.before.size()),
+      rotations_(no_rotations(body.node_count())) {
+  unfold();
+}
+
+void EquilibriumSearch::fold() {
+  give_back(batches_.before);
+  give_back(rotation_work_);
+  for (VectorXd* buffer : {&gradient_, &old_gradient_, &direction_, &trial_}) *buffer = {};
+  for (int i = 0; i < kMemory; ++i) steps_[i] = changes_[i] = {};
+}
+
+void EquilibriumSearch::unfold() {
+  const Eigen::Index size = body_->rest_m().size();
+  rotation_work_.resize(rotations_.size());
+  if (gradient_.size() == size) return;
+  batches_.before.resize(before_size_);
   gradient_ = VectorXd::Zero(size);
   old_gradient_ = VectorXd::Zero(size);
   direction_ = VectorXd::Zero(size);
@@ -35,7 +49,14 @@ EquilibriumSearch::EquilibriumSearch(const Body& body)
 }
 
 void EquilibriumSearch::update_rotations(const VectorXd& x_m) {
+  rotation_work_.resize(rotations_.size());
   update_node_rotations(batches_, x_m, rotations_, rotation_work_);
+}
+
+void EquilibriumSearch::continue_as(const EquilibriumSearch& other) {
+  batches_.rotation = other.batches_.rotation;
+  batches_.middle_rotation = other.batches_.middle_rotation;
+  rotations_ = other.rotations_;
 }
 
 double EquilibriumSearch::evaluate(const Goal& goal, const VectorXd& x_m) {

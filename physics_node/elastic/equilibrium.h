@@ -58,7 +58,7 @@ struct SearchReport {
 
 /// Quasi-Newton search (L-BFGS over the warped factor [Liu17], line search on the function): it
 /// never ends above where it began. Buffers belong to the object: search() does not allocate unless
-/// it factorises.
+/// it factorises or was folded.
 class EquilibriumSearch {
  public:
   explicit EquilibriumSearch(const Body& body);
@@ -66,6 +66,11 @@ class EquilibriumSearch {
   [[nodiscard]] ElementBatches& batches() noexcept { return batches_; }
   [[nodiscard]] std::vector<double>& rotations() noexcept { return rotations_; }
   void update_rotations(const VectorXd& x_m);
+  /// The next search goes as the other's would, to the bit. @pre  of the same body
+  void continue_as(const EquilibriumSearch& other);
+  /// Frees the buffers, which unfold() makes again.
+  void fold();
+  void unfold();
 
   /// @param refactor  called when the factor is missing or slow; returns whether there is a new one
   [[nodiscard]] SearchReport search(const Goal& goal, const SearchLimits& limits,
@@ -84,6 +89,7 @@ class EquilibriumSearch {
   static constexpr int kMemory = 5;
   const Body* body_;
   ElementBatches batches_;
+  std::size_t before_size_ = 0;  // of batches_.before
   std::vector<double> rotations_;
   std::vector<double> rotation_work_;
   VectorXd gradient_;

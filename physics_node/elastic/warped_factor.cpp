@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace palpate::elastic {
 namespace {
@@ -10,16 +11,43 @@ namespace {
 // Calls of factor() that leave out the exact stiffness after it has failed again and again.
 constexpr int kMostLeftOut = 8;
 
-std::variant<BlockCholesky<float>, BlockCholesky<double>> new_cholesky(const Body& body,
-                                                                       Precision precision) {
+Cholesky new_cholesky(const Body& body, Precision precision) {
   if (precision == Precision::kFloat) return BlockCholesky<float>(body.pattern(), body.symbolic());
   return BlockCholesky<double>(body.pattern(), body.symbolic());
 }
 
 }  // namespace
 
-WarpedFactor::WarpedFactor(const Body& body, Precision precision)
-    : body_(&body), cholesky_(new_cholesky(body, precision)) {
+bool SharedFactors::find(const BlockValues& values, Cholesky& cholesky) const {
+  const std::scoped_lock lock(mutex_);
+  const auto take = [](auto& own, auto panels) {
+    if (panels == nullptr) return false;
+    own.set_panels(std::move(panels));
+    return true;
+  };
+  for (const One& one : all_) {
+    const bool is_there = cholesky.index() == 0 ? !one.floats.expired() : !one.doubles.expired();
+    if (!is_there || one.values != values) continue;
+    return cholesky.index() == 0 ? take(std::get<0>(cholesky), one.floats.lock())
+                                 : take(std::get<1>(cholesky), one.doubles.lock());
+  }
+  return false;
+}
+
+void SharedFactors::note(const BlockValues& values, const Cholesky& cholesky) {
+  const std::scoped_lock lock(mutex_);
+  std::erase_if(all_, [](const One& one) { return one.floats.expired() && one.doubles.expired(); });
+  One made{.values = values, .floats = {}, .doubles = {}};
+  if (cholesky.index() == 0) {
+    made.floats = std::get<0>(cholesky).panels();
+  } else {
+    made.doubles = std::get<1>(cholesky).panels();
+  }
+  all_.push_back(std::move(made));
+}
+
+WarpedFactor::WarpedFactor(const Body& body, Precision precision, bool is_folded)
+    : body_(&body), cholesky_(new_cholesky(body, precision)), is_folded_(is_folded) {
   reference_ = no_rotations(body.node_count());
   turns_.resize(9 * body.pattern().size());
   turn_back();
@@ -28,16 +56,33 @@ WarpedFactor::WarpedFactor(const Body& body, Precision precision)
 
 bool WarpedFactor::factor(const VectorXd& x_m, const std::vector<double>& rotations,
                           const Body::Shift& shift, const Obstacle* obstacle) {
+  BlockValues values;
   const auto try_factor = [&](bool is_exact) {
-    body_->stiffness(x_m, rotations, shift, !is_exact, values_);
+    body_->stiffness(x_m, rotations, shift, !is_exact, values);
+    const BlockValues before = is_folded_ && obstacle != nullptr ? values : BlockValues{};
     if (obstacle != nullptr && is_exact) {
-      obstacle->add_exact_stiffness(x_m.data(), body_->pattern(), values_);
+      obstacle->add_exact_stiffness(x_m.data(), body_->pattern(), values);
     } else if (obstacle != nullptr) {
-      obstacle->add_stiffness(x_m.data(), body_->pattern(), values_);
+      obstacle->add_stiffness(x_m.data(), body_->pattern(), values);
     }
-    return std::visit([&](auto& cholesky) { return cholesky.factor(values_); }, cholesky_);
+    if (is_folded_) {
+      recipe_ = Recipe{.x_m = x_m, .is_exact = is_exact, .of_obstacle = {}};
+      for (std::size_t i = 0; i < before.size(); ++i) {
+        if (values[i] != before[i]) recipe_->of_obstacle.emplace_back(i, values[i]);
+      }
+    }
+    if (obstacle == nullptr && body_->shared_factors().find(values, cholesky_)) return true;
+    if (!std::visit([&](auto& cholesky) { return cholesky.factor(values); }, cholesky_)) {
+      return false;
+    }
+    if (obstacle == nullptr) body_->shared_factors().note(values, cholesky_);
+    return true;
   };
   is_ready_ = false;
+  recipe_.reset();
+  std::visit([](auto& cholesky) { cholesky.unfold(); }, cholesky_);
+  packed_.resize(3 * body_->pattern().size());
+  turns_.resize(9 * body_->pattern().size());
   if (body_->description().law == Law::kCorotational || body_->has_inverted_element(x_m)) {
     // from inside out the exact stiffness leads to the nearest equilibrium, inside out, and with
     // the corotational law also from beside it
@@ -55,6 +100,33 @@ bool WarpedFactor::factor(const VectorXd& x_m, const std::vector<double>& rotati
   reference_ = rotations;
   turn_back();
   return is_ready_;
+}
+
+void WarpedFactor::continue_as(const WarpedFactor& other) {
+  const bool is_folded = is_folded_;
+  *this = other;
+  is_folded_ = is_folded;
+  if (!is_folded_) unfold();
+}
+
+void WarpedFactor::fold() {
+  give_back(turns_);
+  give_back(packed_);
+  std::visit([&](auto& cholesky) { cholesky.fold(recipe_.has_value() && is_ready_); }, cholesky_);
+}
+
+void WarpedFactor::unfold() {
+  packed_.resize(3 * body_->pattern().size());
+  turns_.resize(9 * body_->pattern().size());
+  const auto make = [&](auto& cholesky) {
+    cholesky.unfold();
+    if (!is_ready_ || cholesky.panels() != nullptr) return;
+    BlockValues values;
+    body_->stiffness(recipe_->x_m, reference_, shift_, !recipe_->is_exact, values);
+    for (const auto& [i, value] : recipe_->of_obstacle) values[i] = value;
+    is_ready_ = cholesky.factor(values);
+  };
+  std::visit(make, cholesky_);
 }
 
 void WarpedFactor::turn_to(const std::vector<double>& rotations) {

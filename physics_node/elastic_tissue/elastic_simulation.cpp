@@ -30,7 +30,7 @@ constexpr double kNearer = 0.9;
 // Then the body begins again.
 constexpr int kMostFailedInARow = 3;
 
-elastic::DynamicsSettings settings() {
+elastic::DynamicsSettings settings(bool is_folded) {
   // backward Euler: one factor serves steps with and without contact
   return {.theta = 1.0,
           .tolerance_m = 2e-6,
@@ -40,7 +40,8 @@ elastic::DynamicsSettings settings() {
           .slow_ratio = 0.9,
           .slow_iterations = 4,
           .other_step_ratio = 16.01,
-          .most_rounds = 4};
+          .most_rounds = 4,
+          .is_folded = is_folded};
 }
 
 }  // namespace
@@ -92,12 +93,12 @@ bool ElasticSimulation::Tips::begin_round(const double* x_m, const elastic::Bloc
 }
 
 ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
-                                     double tip_radius_m, double step_s)
+                                     double tip_radius_m, double step_s, bool is_folded)
     : body_(body),
       tip_radius_m_(tip_radius_m),
       step_s_(step_s),
       this_step_s_(step_s),
-      dynamics_(*body.body, settings()),
+      dynamics_(*body.body, settings(is_folded)),
       touches_(tools),
       last_tips_(tools),
       triangles_(triangles_of(body)),
@@ -107,6 +108,20 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
     tips_.is_near.push_back(0);
   }
   dynamics_.set_state(body.start_m, elastic::VectorXd::Zero(body.start_m.size()));
+}
+
+void ElasticSimulation::continue_as(const ElasticSimulation& other) {
+  step_s_ = other.step_s_;
+  this_step_s_ = other.this_step_s_;
+  dynamics_.continue_as(other.dynamics_);
+  tips_ = other.tips_;
+  touches_ = other.touches_;
+  last_tips_ = other.last_tips_;
+  report_ = other.report_;
+  failed_steps_ = other.failed_steps_;
+  repaired_steps_ = other.repaired_steps_;
+  appeared_ = other.appeared_;
+  failed_in_a_row_ = other.failed_in_a_row_;
 }
 
 /// Moves the sphere towards its tip, and looks at the surface on the way, so that each point is

@@ -28,7 +28,15 @@ struct TipState {
 class ElasticSimulation {
  public:
   /// @param body  must outlive it   @param step_s  > 0: of a step, unless it says otherwise
-  ElasticSimulation(const ElasticBody& body, std::size_t tools, double tip_radius_m, double step_s);
+  /// @param is_folded  fold() will be called
+  ElasticSimulation(const ElasticBody& body, std::size_t tools, double tip_radius_m, double step_s,
+                    bool is_folded = false);
+
+  /// Continues as the other would, to the bit. @pre  of the same body, as many tools
+  void continue_as(const ElasticSimulation& other);
+
+  /// @see elastic::Dynamics::fold
+  void fold() { dynamics_.fold(); }
 
   /// One step of backward Euler with the tips at these places; none: the tool is not there. Where a
   /// tip near the body has moved by more than half its radius, the step is made in up to kMostParts

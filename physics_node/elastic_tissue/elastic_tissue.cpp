@@ -3,11 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
 #include <stdexcept>
 #include <utility>
 
-#include "physics_node/elastic/condensed/compliance_file.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 
 namespace palpate::physics {
@@ -54,30 +52,19 @@ constexpr double kSamePlace_m = 2e-4;
 
 }  // namespace
 
-ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools,
-                             double tip_radius_m, const std::filesystem::path& columns_folder)
-    : body_(std::move(body)),
+ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t tools,
+                             double tip_radius_m, bool is_folded)
+    : shared_(std::move(shared)),
+      body_(shared_->body()),
+      compliance_(shared_->compliance()),
       tip_radius_m_(tip_radius_m),
-      simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz),
-      factor_(*body_->body, body_->slow_modes.count() > 0 ? elastic::Precision::kDouble
-                                                          : elastic::Precision::kFloat),
-      compliance_(*body_->body, factor_, body_->surface_nodes),
+      is_folded_(is_folded),
+      simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz, is_folded),
+      makers_(tools),
       tips_(tools) {
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.push_back(std::make_unique<Tool>());
     tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
-  }
-  if (columns_folder.empty()) return;
-  columns_file_ = elastic::compliance_file(columns_folder, compliance_);
-  static_cast<void>(elastic::load_columns(columns_file_, compliance_));
-}
-
-ElasticTissue::~ElasticTissue() {
-  if (columns_file_.empty() || compliance_.columns_made() == 0) return;
-  try {
-    std::filesystem::create_directories(columns_file_.parent_path());
-    elastic::save_columns(compliance_, columns_file_);
-  } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the next run makes them anew
   }
 }
 
@@ -318,6 +305,7 @@ void ElasticTissue::solve(double step_s) {
   }
   figures_out_.store(figures_);
   show();
+  if (is_folded_) fold();
 }
 
 /// Compares the full solution with what the model prepared before it says for the same place, and
@@ -361,8 +349,8 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
                          draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m,
                          tool.slow_normal);
-  draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_.v_m_per_s(),
-                       simulation_.acceleration_m_per_s2());
+  draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_.x_m(),
+                       simulation_.v_m_per_s(), simulation_.acceleration_m_per_s2());
   draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s,
                        &simulation_.relaxation());
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
@@ -385,6 +373,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.time_s = tool.slow_time_s;
   draft.error_newton_per_m = tool.error_newton_per_m;
   draft.error_newton = tool.error_newton;
+  if (is_folded_) draft.contact->fold();
   draft.probe.emplace(*draft.contact);
   tool.last.emplace(*draft.contact);
   tool.last_force_outside_patch_newton = draft.force_outside_patch_newton;
@@ -413,25 +402,25 @@ void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& t
 /// What mofc_node needs to go on from this solution itself.
 void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
   Tool& tool = *tools_[index];
+  std::optional<PatchMaker>& maker = makers_[index];
   const Ahead ahead = tool.ahead.load();
   const ElasticSimulation::Touch& touch = simulation_.touch(index);
   if (!ahead.is_wanted || !tips_[index] || touch.has_failed) return;
   const Vector3& tip_m = tips_[index]->tip_m;
   const bool is_elsewhere = (tip_m - tool.patch_tip_m).norm() > kSamePlace_m;
-  if (!has_stepped && !is_elsewhere && tool.maker && tool.maker->is_complete()) return;
-  if (!tool.maker) tool.maker.emplace(*body_, compliance_, tip_radius_m_);
+  if (!has_stepped && !is_elsewhere && maker && maker->is_complete()) return;
+  if (!maker) maker.emplace(*body_, compliance_, tip_radius_m_);
   const double ahead_s = ahead.age_s + kPeriodsAhead / body_->solve_rate_hz;
-  tool.maker->update(
-      {.tip_m = tip_m,
-       .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
-       .normal = tool.slow_normal,
-       .held_solutions =
-           static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
-           kHeldPeriods,
-       .gap_m = tool.slow_distance_m},
-      touch, simulation_.x_m(), simulation_.v_m_per_s(), is_alone(index));
+  maker->update({.tip_m = tip_m,
+                 .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
+                 .normal = tool.slow_normal,
+                 .held_solutions =
+                     static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
+                     kHeldPeriods,
+                 .gap_m = tool.slow_distance_m},
+                touch, simulation_.x_m(), simulation_.v_m_per_s(), is_alone(index));
   tool.patch_tip_m = tip_m;
-  tool.patch.draft() = tool.maker->patch();
+  tool.patch.draft() = maker->patch();
   tool.is_patched = true;
 }
 
@@ -460,30 +449,6 @@ void ElasticTissue::publish() {
     if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
     if (std::exchange(tool->is_patched, false)) tool->patch.publish();
   }
-}
-
-void ElasticTissue::show() {
-  const std::unique_lock lock(shown_mutex_, std::try_to_lock);
-  if (!lock || !is_wanted_ || !has_moved_) return;
-  is_wanted_ = has_moved_ = false;
-  const elastic::VectorXd& x = simulation_.x_m();
-  vertices_m_.clear();
-  for (const std::uint32_t node : body_->shown_nodes) {
-    for (Eigen::Index i = 0; i < 3; ++i) {
-      vertices_m_.push_back(static_cast<float>(x[3 * Eigen::Index{node} + i]));
-    }
-  }
-  simulation_.shown_strain(strain_);
-  is_new_ = true;
-}
-
-bool ElasticTissue::take_surface(std::vector<float>& vertices_m, std::vector<float>& strain) {
-  const std::scoped_lock lock(shown_mutex_);
-  is_wanted_ = true;
-  if (!std::exchange(is_new_, false)) return false;
-  vertices_m = vertices_m_;
-  strain = strain_;
-  return true;
 }
 
 }  // namespace palpate::physics

@@ -10,7 +10,6 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -21,6 +20,7 @@
 #include "common/core/messages.h"
 #include "common/core/snapshot.h"
 #include "physics_node/elastic/condensed/condensed_contact.h"
+#include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 #include "physics_node/elastic_tissue/patch_maker.h"
@@ -45,13 +45,16 @@ struct ElasticFigures {
 
 class ElasticTissue {
  public:
-  /// @param columns_folder  where the columns of the compliance are kept between runs, a file for
-  ///     each body; empty: nowhere. What cannot be read or written is made anew
-  ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools, double tip_radius_m,
-                const std::filesystem::path& columns_folder = {});
-  ~ElasticTissue();
+  /// @param shared  of all simulations of the body   @param is_folded  @see ElasticPace::kFolded
+  ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t tools, double tip_radius_m,
+                bool is_folded = false);
+  ~ElasticTissue() = default;
   ElasticTissue(const ElasticTissue&) = delete;
   ElasticTissue& operator=(const ElasticTissue&) = delete;
+
+  /// Continues as the other would, to the bit; what hop 3 carries begins anew. While no other
+  /// thread uses the two. @pre  of the same body, as many tools
+  void continue_as(const ElasticTissue& other);
 
   // --- the thread of the steps of a tool: no allocation, lock or throw ---
 
@@ -109,6 +112,8 @@ class ElasticTissue {
   /// Replaces these by the newest places of the shown nodes and their strain, and asks for the
   /// next; false if there is none since the last call.
   bool take_surface(std::vector<float>& vertices_m, std::vector<float>& strain);
+  /// The same of the last full solution, on the slow thread.
+  void read_surface(std::vector<float>& vertices_m, std::vector<float>& strain) const;
 
   static constexpr int kMostSolvesPerPeriod = 4;
 
@@ -186,9 +191,8 @@ class ElasticTissue {
     elastic::VectorXd last_creep_m;
     std::vector<elastic::Vector3d> last_forces_newton;  // on the body
     double last_newton = 0.0;
-    bool is_prepared = false;      // a draft waits to be published
-    double slow_distance_m = 0.0;  // from the tip to it
-    std::optional<PatchMaker> maker;
+    bool is_prepared = false;                      // a draft waits to be published
+    double slow_distance_m = 0.0;                  // from the tip to it
     Vector3 patch_tip_m = Vector3::Constant(1e9);  // of the last patch
     bool is_patched = false;                       // a draft waits to be published
     std::optional<elastic::CondensedContact> last;
@@ -213,14 +217,16 @@ class ElasticTissue {
   [[nodiscard]] double surface_offset_by_other_tools_m(std::size_t tool, std::size_t nearest_point,
                                                        const Vector3& normal);
   void show();
+  void fold();
 
+  std::shared_ptr<BodyCompliance> shared_;
   std::shared_ptr<const ElasticBody> body_;
+  elastic::SurfaceCompliance& compliance_;
   double tip_radius_m_;
+  bool is_folded_;
   ElasticSimulation simulation_;
-  elastic::WarpedFactor factor_;  // of the undeformed body, made when a column is needed
-  elastic::SurfaceCompliance compliance_;
-  std::filesystem::path columns_file_;  // empty: not kept
   std::vector<std::unique_ptr<Tool>> tools_;
+  std::vector<std::optional<PatchMaker>> makers_;  // of the tools
   std::vector<std::optional<TipState>> tips_;
   ElasticFigures figures_;
   std::uint64_t without_compliance_ = 0;  // contacts that could not be prepared

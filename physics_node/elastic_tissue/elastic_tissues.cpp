@@ -45,24 +45,32 @@ void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
 std::shared_ptr<ElasticTissues> ElasticTissues::of(const SceneConfig& scene, std::size_t tools,
                                                    ElasticPace pace,
                                                    const std::filesystem::path& columns_folder) {
-  std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
+  const std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
   if (bodies.empty()) return nullptr;
-  return std::make_shared<ElasticTissues>(std::move(bodies), tools, scene.tip_radius_m, pace,
-                                          columns_folder);
+  return std::make_shared<ElasticTissues>(bodies, tools, scene.tip_radius_m, pace, columns_folder);
 }
 
-ElasticTissues::ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> bodies,
-                               std::size_t tools, double tip_radius_m, ElasticPace pace,
-                               const std::filesystem::path& columns_folder)
+std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
+    const std::vector<std::shared_ptr<const ElasticBody>>& bodies,
+    const std::filesystem::path& columns_folder) {
+  std::vector<std::shared_ptr<BodyCompliance>> made;
+  for (const auto& body : bodies) {
+    made.push_back(std::make_shared<BodyCompliance>(body, columns_folder));
+  }
+  return made;
+}
+
+ElasticTissues::ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>>& bodies,
+                               std::size_t tools, double tip_radius_m, ElasticPace pace)
     : pace_(pace),
       counts_(tools),
       last_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()),
       ready_s_(last_solve_s_) {
-  for (auto& body : bodies) {
+  for (const auto& body : bodies) {
     tissues_.push_back(
-        std::make_unique<ElasticTissue>(std::move(body), tools, tip_radius_m, columns_folder));
+        std::make_unique<ElasticTissue>(body, tools, tip_radius_m, pace_ == ElasticPace::kFolded));
   }
-  if (pace_ == ElasticPace::kVirtual) return;
+  if (pace_ != ElasticPace::kThread) return;
   for (auto& tissue : tissues_) {
     threads_.emplace_back(
         [&own = *tissue](const std::stop_token& stop) { solve_in_real_time(stop, own); });
@@ -71,10 +79,17 @@ ElasticTissues::ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> b
 
 ElasticTissues::~ElasticTissues() = default;
 
+void ElasticTissues::continue_as(const ElasticTissues& other) {
+  for (std::size_t i = 0; i < tissues_.size(); ++i) tissues_[i]->continue_as(*other.tissues_[i]);
+  counts_ = other.counts_;
+  last_solve_s_ = other.last_solve_s_;
+  ready_s_ = other.ready_s_;
+}
+
 void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
                           SceneForce& sum) noexcept {
   for (auto& tissue : tissues_) tissue->note(tool, tip_m, reach_m, time_s);
-  if (pace_ == ElasticPace::kVirtual) solve_until(time_s);
+  if (pace_ != ElasticPace::kThread) solve_until(time_s);
   Counts& counts = counts_[tool];
   bool is_in_contact = false;
   double bound_newton = 0.0;

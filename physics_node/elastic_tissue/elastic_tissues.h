@@ -23,23 +23,39 @@ enum class ElasticPace : std::uint8_t {
   /// Within step(), by its time: a solution takes a period, or a quarter of it while a tip is fast,
   /// and is used from then on. Deterministic
   kVirtual,
+  /// The same to the bit, for many simulations: what a solution can make again is not kept until
+  /// the next. Step() allocates
+  kFolded,
 };
+
+/// @param columns_folder  @see BodyCompliance; may be empty
+[[nodiscard]] std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
+    const std::vector<std::shared_ptr<const ElasticBody>>& bodies,
+    const std::filesystem::path& columns_folder = {});
 
 /// Two tools that press on one body feel each other through it.
 class ElasticTissues {
  public:
   /// nullptr if the scene has no elastic tissue: then nothing of all this is made.
-  /// @param columns_folder  @see ElasticTissue; may be empty
+  /// @param columns_folder  @see BodyCompliance; may be empty
   /// @throws SetupError  @see make_elastic_body
   [[nodiscard]] static std::shared_ptr<ElasticTissues> of(
       const SceneConfig& scene, std::size_t tools, ElasticPace pace,
       const std::filesystem::path& columns_folder = {});
-  ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> bodies, std::size_t tools,
+  ElasticTissues(const std::vector<std::shared_ptr<const ElasticBody>>& bodies, std::size_t tools,
                  double tip_radius_m, ElasticPace pace,
-                 const std::filesystem::path& columns_folder = {});
+                 const std::filesystem::path& columns_folder = {})
+      : ElasticTissues(compliances_of(bodies, columns_folder), tools, tip_radius_m, pace) {}
+  /// @param bodies  which other simulations may share
+  ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>>& bodies, std::size_t tools,
+                 double tip_radius_m, ElasticPace pace);
   ~ElasticTissues();
   ElasticTissues(const ElasticTissues&) = delete;
   ElasticTissues& operator=(const ElasticTissues&) = delete;
+
+  /// Continues as the other would, to the bit. @pre  none kThread, both of the same bodies, as many
+  /// tools
+  void continue_as(const ElasticTissues& other);
 
   /// Adds the contacts of one tool.
   /// @param reach_m  bodies this near are described before they are touched

@@ -35,6 +35,7 @@ PatchMaker::PatchMaker(const ElasticBody& body, elastic::SurfaceCompliance& comp
                        double tip_radius_m)
     : body_(body), compliance_(compliance), tip_radius_m_(tip_radius_m) {
   slot_of_.assign(body.points.size(), -1);
+  patch_.slots.resize(kElasticSlots);
   patch_.state.tissue = body.tissue;
   patch_.state.tip_radius_m = tip_radius_m;
   patch_.state.friction_coefficient = body.friction_coefficient;
@@ -71,22 +72,23 @@ void PatchMaker::gather(const ElasticSimulation::Touch& touch, const elastic::Ve
 bool PatchMaker::is_ready(std::uint32_t point, int& most_columns) {
   const elastic::SurfacePoint& at = body_.points[point];
   for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
-    if (compliance_.all_columns().contains(at.nodes[a])) continue;
-    if (std::find(new_nodes_.begin(), new_nodes_.end(), at.nodes[a]) != new_nodes_.end()) continue;
-    if (most_columns <= 0) return false;
-    --most_columns;
-    new_nodes_.push_back(at.nodes[a]);
+    if (std::find(nodes_.begin(), nodes_.end(), at.nodes[a]) != nodes_.end()) continue;
+    if (!compliance_.has_columns(at.nodes[a])) {
+      if (most_columns <= 0) return false;
+      --most_columns;
+    }
+    nodes_.push_back(at.nodes[a]);
   }
   return true;
 }
 
-/// Makes the columns of new_nodes_, and keeps those of the points that are there.
+/// Makes the columns of nodes_, and keeps those of the points that are there.
 void PatchMaker::require() {
   for (const std::optional<std::uint32_t>& point : point_in_) {
-    if (point) body_.points[*point].add_nodes_to(new_nodes_);
+    if (point) body_.points[*point].add_nodes_to(nodes_);
   }
-  compliance_.require(new_nodes_);
-  new_nodes_.clear();
+  columns_ = compliance_.require(nodes_);
+  nodes_.clear();
 }
 
 /// Displacement of a point under a force at another one, at rest.
@@ -95,7 +97,7 @@ Eigen::Matrix3d PatchMaker::give(std::uint32_t at, std::uint32_t under) const {
   const elastic::SurfacePoint& pressed = body_.points[under];
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (std::size_t b = 0; b < static_cast<std::size_t>(pressed.count); ++b) {
-    const float* columns = compliance_.columns(pressed.nodes[b]);
+    const float* columns = columns_.of(pressed.nodes[b]);
     for (std::size_t a = 0; a < static_cast<std::size_t>(moved.count); ++a) {
       const auto row = static_cast<std::size_t>(compliance_.row_of(moved.nodes[a]));
       sum += moved.weights[a] * pressed.weights[b] *

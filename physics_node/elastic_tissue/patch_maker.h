@@ -22,8 +22,8 @@ struct ElasticPatch {
     ElasticPoint point{};     ///< version 0: nothing
     double distance_m = 0.0;  ///< elastic_distance_m() in the last state
   };
-  std::vector<Slot> slots = std::vector<Slot>(kElasticSlots);
-  ElasticState state{};  ///< number 0: none yet
+  std::vector<Slot> slots{};  ///< kElasticSlots, or empty: none yet
+  ElasticState state{};       ///< number 0: none yet
 };
 
 /// Chooses the points: those that are pressed, then those that face the tip, nearest to its way
@@ -70,13 +70,14 @@ class PatchMaker {
 
   const ElasticBody& body_;
   elastic::SurfaceCompliance& compliance_;
+  elastic::SurfaceCompliance::Required columns_;  // of the points that are there
   double tip_radius_m_;
   ElasticPatch patch_;
   std::array<std::optional<std::uint32_t>, kElasticSlots> point_in_;
   std::array<std::uint32_t, kElasticSlots> pressed_at_{};  // number of the state; 0: never
   std::vector<std::int16_t> slot_of_;                      // by point of the body; −1: none
   std::vector<Candidate> candidates_;
-  std::vector<std::uint32_t> new_nodes_;  // whose columns are to be made
+  std::vector<std::uint32_t> nodes_;  // whose columns new points need
   std::uint32_t next_version_ = 1;
   bool is_complete_ = false;
 };

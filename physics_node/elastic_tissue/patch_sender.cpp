@@ -13,7 +13,7 @@ constexpr Duration kRepeatBeforeAge =
 constexpr double kRepeatBehind_m = 1.0;   // first all that was never sent
 constexpr double kMostBytesAtOnce = 8e3;  // at once
 // On the wire.
-constexpr double kHeadBytes = 150.0;
+constexpr double kNewsBytes = 150.0;
 constexpr double kOtherBytes = 19.0;
 constexpr double kPlaceBytes = 17.0;
 constexpr double kRestBytes = 6.0;
@@ -86,7 +86,7 @@ void PatchSender::fill(ElasticTissues& tissues, std::size_t tool, const ToolMoti
     answer.elastic.has_point = false;
     answer.elastic.state = patch->state;
     answer.elastic.state.patch = static_cast<std::uint32_t>(i);
-    bytes_ -= kHeadBytes +
+    bytes_ -= kNewsBytes +
               (kPlaceBytes + (patch->state.relaxation_s > 0.0 ? kRestBytes : 0.0)) * kElasticSlots;
     return;
   }
@@ -112,7 +112,7 @@ void PatchSender::fill(ElasticTissues& tissues, std::size_t tool, const ToolMoti
   answer.elastic.has_point = true;
   answer.elastic.point = point;
   answer.elastic.point.patch = static_cast<std::uint32_t>(patch);
-  bytes_ -= kHeadBytes + kOtherBytes * static_cast<double>(point.has_other.count());
+  bytes_ -= kNewsBytes + kOtherBytes * static_cast<double>(point.has_other.count());
 }
 
 }  // namespace palpate::physics

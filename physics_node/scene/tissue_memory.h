@@ -38,6 +38,14 @@ class TissueMemory {
   TissueMemory(const TissueMemory&) = delete;  // a copy of the vectors would have no spare room
   TissueMemory& operator=(const TissueMemory&) = delete;
   ~TissueMemory() = default;
+  /// Continues as the other would. @pre  of the same scene
+  void continue_as(const TissueMemory& other) {
+    touches_.assign(other.touches_.begin(), other.touches_.end());  // keeps the spare room
+    relaxation_ = other.relaxation_;
+    pose_ = other.pose_;
+    has_all_ = other.has_all_;
+    counts_ = other.counts_;
+  }
 
   /// The tool at the last step; none before the first.
   [[nodiscard]] const std::optional<ToolPose>& pose() const noexcept { return pose_; }

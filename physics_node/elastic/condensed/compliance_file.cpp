@@ -183,7 +183,7 @@ void save_columns(const SurfaceCompliance& compliance, const std::filesystem::pa
   for (const auto& [node, values] : compliance.all_columns()) {
     const std::uint64_t word = node;
     std::memcpy(to, &word, sizeof word);
-    std::memcpy(to + sizeof word, values.data(), column_bytes - sizeof word);
+    std::memcpy(to + sizeof word, values->data(), column_bytes - sizeof word);
     to += column_bytes;
   }
   Hash hash;
@@ -245,7 +245,8 @@ std::string load_columns(const std::filesystem::path& file, SurfaceCompliance& c
     for (const float value : values) {
       if (!std::isfinite(value)) return "it is damaged";
     }
-    columns.emplace(static_cast<std::uint32_t>(node), std::move(values));
+    columns.emplace(static_cast<std::uint32_t>(node),
+                    std::make_shared<const std::vector<float>>(std::move(values)));
   }
   // whoever can write the file can also write its hash
   std::vector<std::uint32_t> sample;

@@ -28,10 +28,17 @@ using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 }  // namespace
 
 CondensedContact::CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
-                                   double stiffness_pa_per_m)
-    : compliance_(compliance),
+                                   double stiffness_pa_per_m, bool moves_surface)
+    : compliance_(&compliance),
       friction_coefficient_(friction_coefficient),
-      stiffness_pa_per_m_(stiffness_pa_per_m) {}
+      stiffness_pa_per_m_(stiffness_pa_per_m),
+      moves_surface_(moves_surface) {}
+
+/// To be changed.
+std::vector<float>& CondensedContact::own_among() {
+  if (among_.use_count() > 1) among_ = std::make_shared<std::vector<float>>(*among_);
+  return *among_;
+}
 
 void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                                const std::vector<Vector3d>& forces_on_body_newton,
@@ -65,10 +72,11 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   chosen_ = order;
   count_ = static_cast<int>(count);
   stride_ = static_cast<std::size_t>(padded(3 * count_));
-  const std::size_t surface = compliance_.surface_nodes().size();
+  const std::size_t surface = compliance_->surface_nodes().size();
   surface_stride_ = static_cast<std::size_t>(padded(static_cast<int>(3 * surface)));
-  among_.assign(stride_ * 3 * count, 0.0F);
-  onto_surface_.assign(surface_stride_ * 3 * count, 0.0F);
+  among_ = std::make_shared<std::vector<float>>(stride_ * 3 * count, 0.0F);
+  // of the whole surface, or of one point after the other
+  onto_surface_.assign(surface_stride_ * 3 * (moves_surface_ ? count : 1), 0.0F);
   displacements_m_.assign(stride_, 0.0F);
   positions_m_.clear();
   rigid_give_.clear();
@@ -76,21 +84,32 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   forces_newton_.clear();
   std::vector<std::uint32_t> nodes;
   for (const std::size_t point : chosen_) points[point].add_nodes_to(nodes);
-  compliance_.require(nodes);
+  const SurfaceCompliance::Required columns = compliance_->require(nodes);
+  std::vector<std::size_t> rows(moves_surface_ ? surface : 0);
+  std::iota(rows.begin(), rows.end(), std::size_t{0});
+  if (!moves_surface_) {
+    std::sort(nodes.begin(), nodes.end());
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+    for (const std::uint32_t node : nodes) {
+      rows.push_back(static_cast<std::size_t>(compliance_->row_of(node)));
+    }
+  }
   for (std::size_t j = 0; j < count; ++j) {
     const SurfacePoint& at = points[chosen_[j]];
     positions_m_.push_back(at.position_m(x_m.data()));
-    is_held_.push_back(at.is_held(compliance_.body().pattern()) ? 1 : 0);
+    is_held_.push_back(at.is_held(compliance_->body().pattern()) ? 1 : 0);
     rigid_give_.push_back(1.0 / (stiffness_pa_per_m_ * std::max(at.area_m2, kLeastArea_m2)));
     forces_newton_.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
                                                            : forces_on_body_newton[chosen_[j]]);
+    float* onto = onto_surface_.data() + (moves_surface_ ? 3 * j * surface_stride_ : 0);
+    if (!moves_surface_) std::fill(onto_surface_.begin(), onto_surface_.end(), 0.0F);
     for (std::size_t b = 0; b < static_cast<std::size_t>(at.count); ++b) {
-      const float* columns = compliance_.columns(at.nodes[b]);
+      const float* under = columns.of(at.nodes[b]);
       const auto weight = static_cast<float>(at.weights[b]);
-      for (std::size_t row = 0; row < surface; ++row) {
-        const RowMajor3f block = weight * Eigen::Map<const RowMajor3f>(columns + 9 * row);
+      for (const std::size_t row : rows) {
+        const RowMajor3f block = weight * Eigen::Map<const RowMajor3f>(under + 9 * row);
         for (std::size_t axis = 0; axis < 3; ++axis) {
-          float* to = onto_surface_.data() + (3 * j + axis) * surface_stride_ + 3 * row;
+          float* to = onto + axis * surface_stride_ + 3 * row;
           for (std::size_t i = 0; i < 3; ++i) {
             to[i] += block(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(axis));
           }
@@ -100,25 +119,27 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
     for (std::size_t i = 0; i < count; ++i) {
       const SurfacePoint& on = points[chosen_[i]];
       for (std::size_t a = 0; a < static_cast<std::size_t>(on.count); ++a) {
-        const auto row = static_cast<std::size_t>(compliance_.row_of(on.nodes[a]));
+        const auto row = static_cast<std::size_t>(compliance_->row_of(on.nodes[a]));
         for (std::size_t axis = 0; axis < 3; ++axis) {
-          const float* from = onto_surface_.data() + (3 * j + axis) * surface_stride_ + 3 * row;
-          float* to = among_.data() + (3 * j + axis) * stride_ + 3 * i;
+          const float* from = onto + axis * surface_stride_ + 3 * row;
+          float* to = among_->data() + (3 * j + axis) * stride_ + 3 * i;
           for (std::size_t k = 0; k < 3; ++k) to[k] += static_cast<float>(on.weights[a]) * from[k];
         }
       }
     }
   }
+  if (!moves_surface_) give_back(onto_surface_);
   reached_m_ = positions_m_;
   still_m_ = positions_m_;
   along_ = along;
   base_forces_newton_ = forces_newton_;
-  first_m_ = x_m;
-  equilibria_.assign(1, {.sum_newton = sum_of_forces_newton(),
-                         .positions_m = positions_m_,
-                         .rates_m = {},
-                         .forces_newton = forces_newton_,
-                         .surface_m = std::vector<float>(surface_stride_, 0.0F)});
+  if (moves_surface_) first_m_ = x_m;
+  equilibria_.assign(1,
+                     {.sum_newton = sum_of_forces_newton(),
+                      .positions_m = positions_m_,
+                      .rates_m = {},
+                      .forces_newton = forces_newton_,
+                      .surface_m = std::vector<float>(moves_surface_ ? surface_stride_ : 0, 0.0F)});
   modal_ = {};
   lower_ = 0;
   share_ = 0.0;
@@ -131,13 +152,12 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
 }
 
 void CondensedContact::swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,
-                             const VectorXd& from_m, const VectorXd& v_m_per_s,
+                             const VectorXd& from_m, const VectorXd& x_m, const VectorXd& v_m_per_s,
                              const VectorXd& a_m_per_s2) {
   if (modes.count() == 0) return;
-  modal_ =
-      ModalMotion(modes, points, chosen_, from_m, first_m_, v_m_per_s, a_m_per_s2, forces_newton_);
-  modal_.take_from(among_, stride_);
-  stepped_ = among_;
+  modal_ = ModalMotion(modes, points, chosen_, from_m, x_m, v_m_per_s, a_m_per_s2, forces_newton_);
+  modal_.take_from(own_among(), stride_);
+  stepped_ = *among_;
   stepped_pace_ = 0.0;
   bases_m_ = positions_m_;
   for (std::size_t i = 0; i < chosen_.size(); ++i) {
@@ -152,7 +172,7 @@ void CondensedContact::relax(const std::vector<SurfacePoint>& points, const Vect
   const bool has_branches = memory != nullptr && memory->is_there();
   if (!(relaxation_s > 0.0) && !has_branches) return;
   if (has_branches) {
-    branches_ = compliance_.body().description().branches;
+    branches_ = compliance_->body().description().branches;
     ways_m_.resize(branches_.size());
     held_m_ = positions_m_;
   }
@@ -228,9 +248,9 @@ bool CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, 
       (place != equilibria_.begin() && is_same(*std::prev(place)))) {
     return false;
   }
-  more.surface_m.assign(surface_stride_, 0.0F);
-  const auto& nodes = compliance_.surface_nodes();
-  for (std::size_t row = 0; row < nodes.size(); ++row) {
+  if (moves_surface_) more.surface_m.assign(surface_stride_, 0.0F);
+  const auto& nodes = compliance_->surface_nodes();
+  for (std::size_t row = 0; moves_surface_ && row < nodes.size(); ++row) {
     for (std::size_t k = 0; k < 3; ++k) {
       const auto from = static_cast<Eigen::Index>(3 * std::size_t{nodes[row]} + k);
       more.surface_m[3 * row + k] = static_cast<float>(x_m[from] - first_m_[from]);
@@ -266,13 +286,13 @@ bool CondensedContact::scale_compliance() {
     if (!other.creeps_m.empty()) way.segment<3>(3 * i) -= other.creeps_m[point];
   }
   const Eigen::Map<const Eigen::MatrixXf, 0, Eigen::OuterStride<>> among(
-      among_.data(), size, size, Eigen::OuterStride<>(static_cast<Eigen::Index>(stride_)));
+      among_->data(), size, size, Eigen::OuterStride<>(static_cast<Eigen::Index>(stride_)));
   const double expected = force.dot(among.cast<double>() * force);
   const double found = force.dot(way);
   const double scale = found / (expected / scale_ - force.dot(rate));
   if (!(scale >= kLeastScale && scale <= kMostScale)) return false;
   const auto change = static_cast<float>(scale / scale_);
-  for (float& value : among_) value *= change;
+  for (float& value : own_among()) value *= change;
   for (float& value : onto_surface_) value *= change;
   scale_ = scale;
   stepped_pace_ = 0.0;
@@ -297,11 +317,17 @@ void CondensedContact::start_between(double sum_newton) noexcept {
   multiply(in_step().data(), 3 * count_, 3 * count_, change.data(), displacements_m_.data());
 }
 
+void CondensedContact::fold() {
+  give_back(stepped_);
+  stepped_pace_ = 0.0;
+}
+
 void CondensedContact::begin_swing(double step_s, double pace) noexcept {
   if (modal_.is_empty()) return;
   const bool is_other = modal_.set_step(step_s);
   if (!is_other && pace == stepped_pace_) return;
-  modal_.add_to(among_, stride_, pace, stepped_);
+  stepped_.resize(among_->size());
+  modal_.add_to(*among_, stride_, pace, stepped_);
   stepped_pace_ = pace;
 }
 
@@ -388,7 +414,7 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
 
 void CondensedContact::move_surface(float* displacements_m) const noexcept {
   // the columns of the points whose force changed
-  const auto rows = static_cast<int>(3 * compliance_.surface_nodes().size());
+  const auto rows = static_cast<int>(3 * compliance_->surface_nodes().size());
   std::fill_n(displacements_m, surface_stride_, 0.0F);
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
     const Eigen::Vector3f change = (forces_newton_[i] - base_forces_newton_[i]).cast<float>();

@@ -5,6 +5,8 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <span>
 #include <utility>
 #include <vector>
@@ -19,7 +21,9 @@ namespace palpate::elastic {
 /// How the surface of a body gives way to forces at a few of its points, without its interior:
 /// u = C f for nodes of the surface, C = the rows and columns of the inverse stiffness [Cotin99,
 /// James99]. Columns are made when their node is first touched and can be kept in a file
-/// (compliance_file.h). C is that of the undeformed body: it does not turn with it.
+/// (compliance_file.h). C is that of the undeformed body: it does not turn with it, and simulations
+/// of the body share it. A column is the same to the bit whoever makes it, with whichever others.
+/// Thread-safe, except all_columns() and set_columns().
 class SurfaceCompliance {
  public:
   /// @param factor  of the static stiffness; require() uses it, and factorises the undeformed body
@@ -31,15 +35,23 @@ class SurfaceCompliance {
 
   static constexpr std::size_t kMostFloats = 64UL << 20U;  // 256 MiB
 
-  /// Makes the columns of nodes unless they are there, several together. These stay, whatever
-  /// memory they take. Allocates.
-  /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once
-  void require(std::span<const std::uint32_t> nodes);
+  using Column = std::shared_ptr<const std::vector<float>>;  ///< of a node: 9 per surface node
+  using Columns = std::map<std::uint32_t, Column>;
+  /// Columns of some nodes, for as long as this is there.
+  class Required {
+   public:
+    /// Displacement of surface node `row` (an index of surface_nodes()) under a unit force at
+    /// `node` along each axis, 3 × 3 row-major at the returned place + 9 × row. @pre it is required
+    [[nodiscard]] const float* of(std::uint32_t node) const { return columns_.at(node)->data(); }
 
-  /// Displacement of surface node `row` (an index of surface_nodes()) under a unit force at `node`
-  /// along each axis, 3 × 3 row-major at the returned place + 9 × row.
-  /// Until the next require(). @pre require(node)
-  [[nodiscard]] const float* columns(std::uint32_t node) const { return columns_.at(node).data(); }
+   private:
+    friend class SurfaceCompliance;
+    Columns columns_;
+  };
+  /// Makes the columns of nodes unless they are there, several together. These stay, whatever
+  /// memory they take, until others are required. Allocates.
+  /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once
+  Required require(std::span<const std::uint32_t> nodes);
   /// What forces on `points` move a point of the surface. Makes the columns it needs.
   [[nodiscard]] Vector3d moved_m(const SurfacePoint& at, const std::vector<SurfacePoint>& points,
                                  const std::vector<Vector3d>& forces_newton);
@@ -47,10 +59,10 @@ class SurfaceCompliance {
   /// Index in surface_nodes(), −1: none.
   [[nodiscard]] std::int32_t row_of(std::uint32_t node) const { return row_of_[node]; }
   /// By solutions, since construction.
-  [[nodiscard]] std::size_t columns_made() const noexcept { return made_; }
+  [[nodiscard]] std::size_t columns_made() const;
+  [[nodiscard]] bool has_columns(std::uint32_t node) const;
 
   [[nodiscard]] const Body& body() const noexcept { return body_; }
-  using Columns = std::map<std::uint32_t, std::vector<float>>;  ///< 9 per surface node
   [[nodiscard]] const Columns& all_columns() const noexcept { return columns_; }
   /// Whether the columns of these up to WarpedFactor::kMostColumns nodes, computed again, are
   /// those. Factorises if need be; allocates. @pre  all are among them
@@ -60,12 +72,13 @@ class SurfaceCompliance {
 
  private:
   [[nodiscard]] bool has_factor();
-  std::vector<float>& room_for(std::uint32_t node, std::uint64_t since);
+  void make_room(std::uint64_t since);
 
   const Body& body_;
   WarpedFactor& factor_;
   std::vector<std::uint32_t> nodes_;
   std::vector<std::int32_t> row_of_;
+  mutable std::mutex mutex_;  // of what follows, and of the factor
   Columns columns_;
   std::map<std::uint32_t, std::uint64_t> required_;  // when each was required last
   std::uint64_t requires_ = 0;
@@ -83,7 +96,7 @@ struct CondensedReport {
 
 /// Contact of a rigid sphere, quasi-static but for swing(), with at most kMostPoints points of a
 /// surface, from one or several full solutions with the forces in them: unilateral, Coulomb
-/// friction.
+/// friction. Copies are independent of one another.
 class CondensedContact {
  public:
   static constexpr int kMostPoints = 128;
@@ -91,11 +104,12 @@ class CondensedContact {
   static constexpr double kStiffness_pa_per_m = 1e10;
 
   /// @param stiffness_pa_per_m  > 0: the penalty of points that are held @see SphereContact
+  /// @param moves_surface  move_surface() will be called: needs the compliance of the whole surface
   CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
-                   double stiffness_pa_per_m = kStiffness_pa_per_m);
+                   double stiffness_pa_per_m = kStiffness_pa_per_m, bool moves_surface = false);
 
   /// The points that carry a force and those nearest to the sphere, their compliance among one
-  /// another and onto the surface; the full solution x_m with the forces of `points` in it. On the
+  /// another; the full solution x_m with the forces of `points` in it. On the
   /// slow thread. Allocates.
   /// @param most_points  of them kUsualPoints, and more only as far as they are
   /// @param within_m     of the centre
@@ -108,9 +122,10 @@ class CondensedContact {
   /// inertia lets them, from the full solution of prepare() on; in steps of no length they are at
   /// rest. move_surface() does not know of it. Allocates.
   /// @param from_m  must outlive this, as the modes: the undeformed or untouched body
-  /// @param v_m_per_s, a_m_per_s2  of all nodes in the full solution
+  /// @param x_m, v_m_per_s, a_m_per_s2  of all nodes in the full solution
   void swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,
-             const VectorXd& from_m, const VectorXd& v_m_per_s, const VectorXd& a_m_per_s2);
+             const VectorXd& from_m, const VectorXd& x_m, const VectorXd& v_m_per_s,
+             const VectorXd& a_m_per_s2);
 
   /// After prepare(), before add_equilibrium(): the body is viscous, so that its forces balance
   /// K x + relaxation_s K₀ ẋ [Rayleigh's β], and in the full solution of prepare() it moved like
@@ -140,8 +155,11 @@ class CondensedContact {
   CondensedReport step(const Vector3d& centre_m, double radius_m, int most_sweeps,
                        double tolerance_m, double step_s = 0.0) noexcept;
 
+  /// Frees what the next step makes again; that step allocates.
+  void fold();
+
   /// Displacements of the surface nodes since the full solution, 3 per node, from the forces of the
-  /// last step; the place is surface_size() long. No allocation.
+  /// last step; the place is surface_size() long. No allocation. @pre moves_surface
   void move_surface(float* displacements_m) const noexcept;
 
   [[nodiscard]] std::size_t surface_size() const noexcept { return surface_stride_; }
@@ -150,9 +168,10 @@ class CondensedContact {
   [[nodiscard]] const std::vector<std::size_t>& chosen() const noexcept { return chosen_; }
 
  private:
-  SurfaceCompliance& compliance_;
+  SurfaceCompliance* compliance_;
   double friction_coefficient_;
   double stiffness_pa_per_m_;
+  bool moves_surface_;
   // A full solution: the points and the surface in it.
   struct Equilibrium {
     double sum_newton = 0.0;  // of the forces' sizes
@@ -160,7 +179,7 @@ class CondensedContact {
     std::vector<Vector3d> rates_m;        // relaxation_s ẋ; empty: at rest
     std::vector<Vector3d> creeps_m = {};  // of the branches; empty: all has relaxed
     std::vector<Vector3d> forces_newton;  // on the body
-    std::vector<float> surface_m;         // moved since that of prepare()
+    std::vector<float> surface_m;         // moved since that of prepare(); moves_surface_
   };
   [[nodiscard]] bool is_usable(const std::vector<Vector3d>& forces_on_body_newton) const;
   [[nodiscard]] double sum_of_forces_newton() const noexcept;
@@ -171,8 +190,9 @@ class CondensedContact {
   void add_swing(double pace) noexcept;
   void stand_still() noexcept;
   [[nodiscard]] bool scale_compliance();
+  [[nodiscard]] std::vector<float>& own_among();
   [[nodiscard]] const std::vector<float>& in_step() const noexcept {
-    return modal_.is_empty() ? among_ : stepped_;
+    return modal_.is_empty() ? *among_ : stepped_;
   }
   // Where the body of this equilibrium would come to rest under its forces.
   [[nodiscard]] Vector3d rest_of(const Equilibrium& one, std::size_t point) const noexcept {
@@ -186,7 +206,7 @@ class CondensedContact {
   std::size_t stride_ = 0;  // floats per column of among_
   std::vector<std::size_t> chosen_;
   std::vector<Equilibrium> equilibria_;  // by ascending sum
-  VectorXd first_m_;                     // all nodes in that of prepare()
+  VectorXd first_m_;                     // all nodes in that of prepare(); moves_surface_
   std::size_t lower_ = 0;                // the step is between this one and the next,
   double share_ = 0.0;                   // so far from it to the next
   std::vector<Vector3d> positions_m_;    // there, without what the compliance adds
@@ -198,12 +218,13 @@ class CondensedContact {
   Vector3d along_ = Vector3d::Zero();
   std::vector<Vector3d> reached_m_;     // the points at the end of the last step
   std::vector<float> displacements_m_;  // that the compliance adds, 3 each
-  std::vector<float> among_;            // column-major 3n × 3n; without the modes of modal_
+  /// Column-major 3n × 3n, without the modes of modal_; of all copies.
+  std::shared_ptr<std::vector<float>> among_ = std::make_shared<std::vector<float>>();
   ModalMotion modal_;
   std::vector<float> stepped_;       // among_ and what the modes give way in a step of this pace
   double stepped_pace_ = 0.0;        // 0: among_ was changed
   std::vector<Vector3d> bases_m_;    // positions_m_, and where the modes go under the base forces
-  std::vector<float> onto_surface_;  // column-major, 3 rows per surface node
+  std::vector<float> onto_surface_;  // column-major, 3 rows per surface node; moves_surface_
   std::size_t surface_stride_ = 0;
   std::array<Vector3d, kMostPoints> normals_;  // of the sphere at the points, in a step
   Vector3d centre_m_ = Vector3d::Zero();

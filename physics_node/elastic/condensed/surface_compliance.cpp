@@ -24,8 +24,18 @@ SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
   }
 }
 
-/// For the columns of a node; those that were not required since then may go.
-std::vector<float>& SurfaceCompliance::room_for(std::uint32_t node, std::uint64_t since) {
+std::size_t SurfaceCompliance::columns_made() const {
+  const std::scoped_lock lock(mutex_);
+  return made_;
+}
+
+bool SurfaceCompliance::has_columns(std::uint32_t node) const {
+  const std::scoped_lock lock(mutex_);
+  return columns_.contains(node);
+}
+
+/// For those of one node more; those that were not required since then may go.
+void SurfaceCompliance::make_room(std::uint64_t since) {
   while (columns_.size() > 1 && (columns_.size() + 1) * 9 * nodes_.size() > most_floats_) {
     // those of a file that were never required go first
     const auto oldest = std::min_element(
@@ -35,9 +45,6 @@ std::vector<float>& SurfaceCompliance::room_for(std::uint32_t node, std::uint64_
     required_.erase(oldest->first);
     columns_.erase(oldest);
   }
-  std::vector<float>& values = columns_[node];
-  values.assign(9 * nodes_.size(), 0.0F);
-  return values;
 }
 
 /// That of the undeformed body, unless it is there.
@@ -49,10 +56,11 @@ bool SurfaceCompliance::has_factor() {
 }
 
 bool SurfaceCompliance::confirms(const Columns& columns, std::span<const std::uint32_t> nodes) {
+  const std::scoped_lock lock(mutex_);
   constexpr float kRounding = 1e-3F;  // of float, on another processor
   std::vector<std::uint32_t> free;
   for (const std::uint32_t node : nodes) {
-    const std::vector<float>& values = columns.at(node);
+    const std::vector<float>& values = *columns.at(node);
     if (body_.pattern().row_of[node] >= 0) {
       free.push_back(node);
     } else if (std::any_of(values.begin(), values.end(), [](float x) { return x != 0.0F; })) {
@@ -66,7 +74,7 @@ bool SurfaceCompliance::confirms(const Columns& columns, std::span<const std::ui
   std::transform(own.begin(), own.end(), values.begin(), [](auto& one) { return one.data(); });
   factor_.columns(free, nodes_, {values.data(), own.size()});
   for (std::size_t i = 0; i < free.size(); ++i) {
-    const std::vector<float>& given = columns.at(free[i]);
+    const std::vector<float>& given = *columns.at(free[i]);
     float largest = 0.0F;
     for (const float x : own[i]) largest = std::max(largest, std::abs(x));
     for (std::size_t k = 0; k < given.size(); ++k) {
@@ -76,7 +84,8 @@ bool SurfaceCompliance::confirms(const Columns& columns, std::span<const std::ui
   return true;
 }
 
-void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
+SurfaceCompliance::Required SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
+  const std::scoped_lock lock(mutex_);
   const std::uint64_t since = requires_;
   for (const std::uint32_t node : nodes) required_[node] = ++requires_;
   std::array<std::uint32_t, WarpedFactor::kMostColumns> together{};
@@ -92,13 +101,18 @@ void SurfaceCompliance::require(std::span<const std::uint32_t> nodes) {
     if (!has_factor()) {
       throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
     }
-    std::vector<float>& room = room_for(node, since);
+    make_room(since);
+    auto room = std::make_shared<std::vector<float>>(9 * nodes_.size(), 0.0F);
+    columns_[node] = room;
     if (body_.pattern().row_of[node] < 0) continue;  // a fixed node gives way to nothing
     together[count] = node;
-    values[count++] = room.data();
+    values[count++] = room->data();
     if (count == together.size()) solve();
   }
   if (count > 0) solve();
+  Required required;
+  for (const std::uint32_t node : nodes) required.columns_.emplace(node, columns_.at(node));
+  return required;
 }
 
 Vector3d SurfaceCompliance::moved_m(const SurfacePoint& at, const std::vector<SurfacePoint>& points,
@@ -107,7 +121,7 @@ Vector3d SurfaceCompliance::moved_m(const SurfacePoint& at, const std::vector<Su
   for (std::size_t p = 0; p < points.size(); ++p) {
     if (!forces_newton[p].isZero(0.0)) points[p].add_nodes_to(nodes);
   }
-  require(nodes);
+  const Required columns = require(nodes);
   Vector3d sum = Vector3d::Zero();
   for (std::size_t p = 0; p < points.size(); ++p) {
     if (forces_newton[p].isZero(0.0)) continue;
@@ -115,7 +129,7 @@ Vector3d SurfaceCompliance::moved_m(const SurfacePoint& at, const std::vector<Su
     for (std::size_t b = 0; b < static_cast<std::size_t>(from.count); ++b) {
       for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
         const auto row = static_cast<std::size_t>(row_of(at.nodes[a]));
-        const Eigen::Map<const RowMajor3f> give(columns(from.nodes[b]) + 9 * row);
+        const Eigen::Map<const RowMajor3f> give(columns.of(from.nodes[b]) + 9 * row);
         sum += at.weights[a] * from.weights[b] * (give.cast<double>() * forces_newton[p]);
       }
     }

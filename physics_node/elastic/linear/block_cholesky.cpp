@@ -25,21 +25,32 @@ template <class Scalar>
 BlockCholesky<Scalar>::BlockCholesky(const BlockPattern& pattern,
                                      std::shared_ptr<const SymbolicFactor> symbolic)
     : pattern_(&pattern), symbolic_(std::move(symbolic)) {
-  std::size_t size = 0;
-  int widest = 0;
+  std::size_t& size = panels_size_;
   for (const Supernode& node : symbolic_->supernodes) {
     panel_starts_.push_back(size);
     const int rows = padded(rows_of(node));
     size += static_cast<std::size_t>(rows) * 3 * node.columns;
-    widest = std::max(widest, rows);
+    widest_ = std::max(widest_, static_cast<std::size_t>(rows));
   }
-  panels_.resize(size);
-  solution_.resize(3 * pattern.size() + kPadding);
-  work_.resize(2 * static_cast<std::size_t>(widest));
+  unfold();
+}
+
+template <class Scalar>
+void BlockCholesky<Scalar>::fold(bool may_go) {
+  for (auto* room : {&solution_, &work_, &together_, &work_together_}) give_back(*room);
+  if (may_go && panels_.use_count() == 1) panels_ = nullptr;
+}
+
+template <class Scalar>
+void BlockCholesky<Scalar>::unfold() {
+  solution_.resize(3 * pattern_->size() + kPadding);
+  work_.resize(2 * widest_);
 }
 
 template <class Scalar>
 bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
+  panels_ = nullptr;
+  auto made = std::make_shared<Panels>(panels_size_);
   std::vector<Update> updates;  // of children whose parents have not come yet: a stack
   std::vector<std::int32_t> place(pattern_->size(), -1);  // block row in the front
   std::vector<double> front;
@@ -111,8 +122,10 @@ bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
     }
     invert_pivots(front.data(), n, pivots);
     std::transform(front.begin(), front.begin() + static_cast<std::ptrdiff_t>(ld) * pivots,
-                   panel(s), [](double value) { return static_cast<Scalar>(value); });
+                   made->begin() + static_cast<std::ptrdiff_t>(panel_starts_[s]),
+                   [](double value) { return static_cast<Scalar>(value); });
   }
+  panels_ = std::move(made);
   return true;
 }
 

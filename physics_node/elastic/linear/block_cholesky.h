@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "physics_node/elastic/linear/block_matrix.h"
@@ -17,7 +18,8 @@ namespace palpate::elastic {
 /// factorisation in double precision). What is stored of each supernode is [L₁₁⁻¹; L₂₁ L₁₁⁻¹]: a
 /// solution is one dense product per supernode down the tree and one up. Scalar float halves the
 /// memory that a solution reads, for use where it is repeated (relative error about 10⁻⁶ times the
-/// condition number); double for a single exact solution.
+/// condition number); double for a single exact solution. Copies share the factor until they make
+/// another; they may be used on different threads.
 template <class Scalar>
 class BlockCholesky {
  public:
@@ -26,6 +28,15 @@ class BlockCholesky {
 
   /// Factorises. False: not positive definite; the former factor is lost. Allocates.
   [[nodiscard]] bool factor(const BlockValues& values);
+
+  /// What a factorisation makes, for another with the same pattern; null: none yet.
+  using Panels = std::vector<Scalar>;
+  [[nodiscard]] const std::shared_ptr<const Panels>& panels() const noexcept { return panels_; }
+  void set_panels(std::shared_ptr<const Panels> panels) noexcept { panels_ = std::move(panels); }
+  /// Frees the room for solutions, which unfold() makes again; and what no copy shares of the
+  /// factor, if that may go.
+  void fold(bool may_go);
+  void unfold();
 
   /// x = A⁻¹ b, both 3 per row of the pattern. b and x may be the same. No allocation.
   void solve(const double* b, double* x);
@@ -43,11 +54,15 @@ class BlockCholesky {
   static constexpr std::size_t kMostColumns = kTogether / 3;
 
  private:
-  [[nodiscard]] Scalar* panel(std::size_t s) { return panels_.data() + panel_starts_[s]; }
+  [[nodiscard]] const Scalar* panel(std::size_t s) const {
+    return panels_->data() + panel_starts_[s];
+  }
 
   const BlockPattern* pattern_;
   std::shared_ptr<const SymbolicFactor> symbolic_;
-  std::vector<Scalar> panels_;
+  std::shared_ptr<const Panels> panels_;
+  std::size_t panels_size_ = 0;
+  std::size_t widest_ = 0;  // padded rows of a supernode
   std::vector<std::size_t> panel_starts_;
   std::vector<Scalar> solution_;  // in order of elimination
   std::vector<Scalar> work_;      // of one supernode

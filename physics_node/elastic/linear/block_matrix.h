@@ -35,4 +35,10 @@ struct BlockPattern {
 /// Blocks in the order of the pattern, each row-major.
 using BlockValues = std::vector<double>;
 
+/// Gives back what a vector has taken; `= {}` would keep it.
+template <class T>
+void give_back(std::vector<T>& vector) noexcept {
+  std::vector<T>().swap(vector);
+}
+
 }  // namespace palpate::elastic

@@ -275,7 +275,7 @@ void condensed_rows(const BenchOptions& options, std::vector<Row>& rows) {
   const double from_s = cpu_s();
   WarpedFactor factor(body, Precision::kFloat);
   SurfaceCompliance compliance(body, factor, surface);
-  CondensedContact condensed(compliance, 0.0);
+  CondensedContact condensed(compliance, 0.0, CondensedContact::kStiffness_pa_per_m, true);
   condensed.prepare(points, body.rest_m(), {}, sphere_at(0.0), 30);
   const double prepare_s = cpu_s() - from_s;
   std::vector<float> moved(condensed.surface_size());

@@ -55,7 +55,7 @@ TEST_F(ApiReference, RefusesAnUndocumentedFunctionTypeAndMember) {
 // A header without @file would be passed over, with all that it declares outside of a class.
 TEST_F(ApiReference, HasEveryInstalledHeader) {
   const TempFolder prefix;
-  for (const char* component : {"controllers", "physics", "devices"}) {
+  for (const char* component : {"controllers", "tissue", "physics", "devices"}) {
     const CommandResult installed =
         test::run_cmake(std::string("--install '" PALPATE_BUILD_DIR "' --component ") + component +
                         " --prefix '" + prefix.path().string() + "'");

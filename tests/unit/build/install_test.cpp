@@ -37,6 +37,30 @@ TEST(Install, TheExamplesOfTheControllersAreAProjectOfTheirOwn) {
       << ran.output;
 }
 
+// In C and C++, against the shared library that stands alone.
+TEST(Install, TheExamplesOfTheTissueAreAProjectOfTheirOwn) {
+  const test::TempFolder files;
+  const std::string prefix = (files.path() / "prefix").string();
+  const CommandResult installed =
+      run_cmake("--install '" PALPATE_BUILD_DIR "' --component tissue --prefix '" + prefix + "'");
+  ASSERT_EQ(installed.status, 0) << installed.output;
+  EXPECT_TRUE(std::filesystem::exists(prefix + "/share/palpate/python/tissue/setup.py"));
+  const std::string source = prefix + "/share/palpate/examples/tissue";
+  const std::string build = (files.path() / "build").string();
+
+  const CommandResult configured =
+      run_cmake("-G Ninja -S '" + source + "' -B '" + build + "' -DCMAKE_PREFIX_PATH='" + prefix +
+                "' -DSESSION='" PALPATE_SOURCE_DIR "/deploy/sessions/block_with_tumour.txtpb'");
+  ASSERT_EQ(configured.status, 0) << configured.output;
+  const CommandResult built = run_cmake("--build '" + build + "'");
+  ASSERT_EQ(built.status, 0) << built.output;
+  const CommandResult ran = run_cmake("--build '" + build + "' --target test");
+
+  EXPECT_EQ(ran.status, 0) << ran.output;
+  EXPECT_NE(ran.output.find("100% tests passed, 0 tests failed out of 4"), std::string::npos)
+      << ran.output;
+}
+
 // The example as a project of its own, out of the installed tree alone.
 TEST(Install, APhysicsOfOnesOwnIsBuiltAndConforms) {
   const test::TempFolder files;

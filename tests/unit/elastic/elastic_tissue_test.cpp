@@ -305,7 +305,7 @@ TEST_F(ElasticScene, OutOfReachAndAtRestNothingIsComputed) {
 }
 
 TEST_F(ElasticScene, AStepOfTheToolAllocatesNothing) {
-  ElasticTissue tissue(elastic_bodies_of(scene_).front(), 1, kTip_m);
+  ElasticTissue tissue(compliances_of(elastic_bodies_of(scene_)).front(), 1, kTip_m);
   tissue.note(0, tip_at(0.002), kReach_m, 0.0);
   for (int i = 0; i < 5; ++i) {
     tissue.solve(tissue.longest_step_s());
@@ -485,7 +485,7 @@ TEST_F(ElasticScene, TheNextRunFindsTheColumnsOfTheLast) {
     double newton = 0.0;
   };
   const auto run = [&](const SceneConfig& scene) {
-    ElasticTissue tissue(elastic_bodies_of(scene).front(), 1, kTip_m, folder);
+    ElasticTissue tissue(compliances_of(elastic_bodies_of(scene), folder).front(), 1, kTip_m);
     Run run{.before = tissue.columns()};
     Contact contact;
     for (int i = 0; i < 20; ++i) {

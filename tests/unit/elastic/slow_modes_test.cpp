@@ -156,7 +156,7 @@ TEST(SlowModes, HoldASphereByTheInertiaOfAFlap) {
   still.prepare(points, body.rest_m(), {}, centre_m(0.0), 64);
   CondensedContact swinging = still;
   const VectorXd zero = VectorXd::Zero(body.rest_m().size());
-  swinging.swing(modes, points, body.rest_m(), zero, zero);
+  swinging.swing(modes, points, body.rest_m(), body.rest_m(), zero, zero);
   still.relax(points, zero, 1e-3);
   swinging.relax(points, zero, 1e-3);
 

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "physics_node/library/simulation.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/contact/tissue_motion.h"
+
+namespace palpate::physics {
+
+Simulation::Simulation(std::shared_ptr<const SharedScene> shared, std::size_t tools, bool is_folded)
+    : shared_(std::move(shared)), last_(tools) {
+  if (!shared_->bodies().empty()) {
+    elastic_ =
+        std::make_shared<ElasticTissues>(shared_->bodies(), tools, shared_->config().tip_radius_m,
+                                         is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual);
+  }
+  for (std::size_t i = 0; i < tools; ++i) {
+    tools_.emplace_back(shared_->scene(), shared_->reach_m(), elastic_, i);
+  }
+}
+
+void Simulation::step(std::span<const Target> tools, Duration dt, std::uint32_t parts,
+                      std::span<ToolForce> forces) {
+  const TimePoint from = time_;
+  for (std::uint32_t part = 1; part <= parts; ++part) {
+    time_ = from + dt * part / parts;
+    const double share = static_cast<double>(part) / parts;
+    for (std::size_t i = 0; i < tools_.size(); ++i) {
+      const ToolState& last = last_[i].value_or(tools[i].tool);
+      ToolState now = tools[i].tool;
+      if (!tools[i].is_velocity_known) {
+        now.velocity_m_per_s = (now.position_m - last.position_m) / to_seconds(dt);
+      }
+      if (part < parts) {
+        now.position_m = last.position_m + share * (now.position_m - last.position_m);
+        now.orientation = last.orientation.slerp(share, now.orientation);
+      }
+      const SceneForce force = tools_[i].step(now, seconds_of(time_));
+      if (part == parts) describe(tools_[i], now, force, forces[i]);
+    }
+  }
+  for (std::size_t i = 0; i < tools_.size(); ++i) last_[i] = tools[i].tool;
+}
+
+void Simulation::describe(const SceneTool& tool, const ToolState& state, const SceneForce& force,
+                          ToolForce& out) const {
+  out = {.force_on_tool_newton = force.force_on_tool_newton,
+         .stored_energy_joule = force.stored_energy_joule,
+         .contact_count = force.contact_count};
+  const SceneConfig& config = shared_->config();
+  for (std::uint32_t i = 0; i < force.listed_count; ++i) {
+    const Contact& contact = force.contacts[i];
+    if (!(contact.penetration_m > 0.0)) continue;
+    Vector3 center_m = state.position_m;
+    double radius_m = config.tip_radius_m;
+    if (contact.is_shaft) {
+      radius_m = config.shaft_radius_m;
+      const Touch* const touch = tool.memory().find(contact.tissue, true);
+      if (touch != nullptr) {
+        center_m =
+            touch->proxy.point_m +
+            displacement(config.tissues[contact.tissue].motion, seconds_of(time_)).position_m;
+      }
+    }
+    TouchedPlace& place = out.places[out.place_count++];
+    place = {.point_m = center_m - (radius_m - contact.penetration_m) * contact.normal_world,
+             .normal = contact.normal_world,
+             .force_on_tool_newton = contact.force_on_tool_newton,
+             .penetration_m = contact.penetration_m,
+             .tissue = contact.tissue,
+             .is_shaft = contact.is_shaft};
+    for (std::size_t k = 0; elastic_ && k < elastic_->tissues().size(); ++k) {
+      if (elastic_->tissues()[k]->body().tissue != contact.tissue) continue;
+      place.error_newton = elastic_->tissues()[k]->bound_newton(tool.index());
+    }
+    out.error_newton += place.error_newton;
+    out.torque_on_tool_newton_m +=
+        (place.point_m - state.position_m).cross(place.force_on_tool_newton);
+  }
+}
+
+void Simulation::continue_as(const Simulation& other) {
+  for (std::size_t i = 0; i < tools_.size(); ++i) tools_[i].continue_as(other.tools_[i]);
+  if (elastic_) elastic_->continue_as(*other.elastic_);
+  last_ = other.last_;
+  time_ = other.time_;
+}
+
+bool Simulation::read_surface(std::size_t tissue, std::vector<float>& vertices_m,
+                              std::vector<float>& strain) const {
+  for (std::size_t k = 0; elastic_ && k < elastic_->tissues().size(); ++k) {
+    const ElasticTissue& one = *elastic_->tissues()[k];
+    if (one.body().tissue != tissue) continue;
+    one.read_surface(vertices_m, strain);
+    vertices_m.resize(3 * one.body().surface_nodes.size());  // without those of its parts
+    strain.resize(one.body().surface_nodes.size());
+    return true;
+  }
+  return false;
+}
+
+}  // namespace palpate::physics

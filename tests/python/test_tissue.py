@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""palpate_tissue as pip installs it: the user's script, arrays without a copy, errors, the examples."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+from support import ROOT
+
+try:
+    import palpate_tissue as pt
+except ImportError:  # the library is not built
+    pt = None
+
+SESSIONS = ROOT / "deploy/sessions"
+EXAMPLES = ROOT / "physics_node/library/examples"
+LUMP = """scene {
+  tool { tip_radius_m: 0.006 }
+  tissue { name: "block" tetrahedral_mesh { file: "small_block.msh" }
+    elastic { young_pa: 10e3 viscosity_ms: 5 fixed { half_space { point_m { z: -0.0299 } } } solve_rate_hz: 50
+      part { where { box { center_m { x: 0.01 z: -0.005 } size_m { x: 0.022 y: 0.022 z: 0.012 } } } young_pa: 300e3 } } }
+}"""
+FLOOR = """scene {
+  tool { tip_radius_m: 0.005 }
+  tissue { name: "floor" half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } }
+}"""
+
+
+@unittest.skipIf(pt is None, "palpate_tissue has no library: target palpate_tissue_c is not built")
+class Tissue(unittest.TestCase):
+    def test_the_users_script_prints_the_force(self) -> None:
+        script = EXAMPLES / "press.py"
+        lines = [line for line in script.read_text().splitlines() if line and not line.startswith(("#", '"'))]
+        self.assertLessEqual(len(lines), 15)
+        ran = subprocess.run([sys.executable, script, SESSIONS / "default.txtpb"], capture_output=True, text=True)
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        self.assertRegex(ran.stdout, r"force: [0-9.]+ N, within 0\.000 N")
+
+    def test_arrays_are_the_memory_of_the_library(self) -> None:
+        batch = pt.Batch(pt.Scene.parse(FLOOR), copies=3, tools=2)
+        force = batch.force
+        batch.position[..., 2] = 0.004
+        batch.step(1e-3)
+        np.testing.assert_allclose(force[..., 2], 0.4)
+        self.assertEqual(batch.contacts.shape, (3, 2, 8))
+        np.testing.assert_allclose(batch.contacts["point"][2, 1, 0], [0.0, 0.0, 0.0], atol=1e-12)
+        other = np.from_dlpack(force)
+        self.assertTrue(np.shares_memory(other, force))
+        batch.position[0, 0, 2] = 0.003
+        batch.step(1e-3)
+        self.assertAlmostEqual(other[0, 0, 2], 0.8)
+        # they keep what they are of
+        del batch
+        gc.collect()
+        self.assertAlmostEqual(force[0, 0, 2], 0.8)
+
+    def test_states_are_kept_and_come_back(self) -> None:
+        batch = pt.Batch(pt.Scene.parse(LUMP, SESSIONS), copies=2)
+        rng = np.random.default_rng(1)
+
+        def press(depths) -> list[bytes]:
+            seen = []
+            for depth in depths:
+                batch.position[:, 0, 2] = 0.006 - depth
+                batch.step(0.01, 10)
+                seen.append(batch.force.tobytes())
+            return seen
+
+        depths = rng.uniform(0.0, 0.002, 30)
+        press(depths[:15])
+        kept = batch.snapshot(1)
+        first = press(depths[15:])
+        batch.restore(kept)
+        self.assertAlmostEqual(batch.time(0), 0.15)
+        batch.position[:, 0, 2] = 0.006 - depths[14]
+        self.assertEqual(press(depths[15:]), first)
+        surface = batch.surface(0, 1)
+        self.assertEqual(surface.vertices.shape[1], 3)
+        self.assertEqual(len(surface.strain), len(surface.vertices))
+        self.assertLess(surface.triangles.max(), len(surface.vertices))
+        batch.reset(1)
+        self.assertEqual(batch.time(1), 0.0)
+        self.assertAlmostEqual(batch.time(0), 0.30)
+
+    def test_what_is_wrong_is_an_exception_with_a_remedy(self) -> None:
+        with self.assertRaisesRegex(pt.TissueError, r"scene:\d+:\d+.*half_spaze"):
+            pt.Scene.parse("scene { tissue { half_spaze {} } }")
+        with self.assertRaisesRegex(pt.TissueError, "nowhere.txtpb"):
+            pt.Scene.load("nowhere.txtpb")
+        with self.assertRaisesRegex(pt.TissueError, "stiffness_newton_per_m"):
+            pt.Scene.parse(FLOOR, sets={"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m": -1})
+        batch = pt.Batch(pt.Scene.parse(FLOOR))
+        with self.assertRaisesRegex(pt.TissueError, "dt_s = .*1e-6 to 10 s"):
+            batch.step(0)
+        batch.position[0, 0, 1] = np.nan
+        with self.assertRaisesRegex(pt.TissueError, "copy 0, tool 0: position_m"):
+            batch.step(1e-3)
+        with self.assertRaisesRegex(ValueError, "must not be negative"):
+            pt.Batch(batch.scene, copies=-1)
+        with self.assertRaisesRegex(pt.TissueError, "scenes = 0"):
+            pt.Batch(batch.scene, copies=0)
+
+    def test_beside_the_package_that_speaks_the_wire(self) -> None:
+        import palpate  # with protobuf's own descriptors
+
+        self.assertEqual(pt.Scene.parse(FLOOR).tissues, ["floor"])
+        self.assertTrue(palpate.__version__)
+
+    def test_the_scripted_policy_finds_the_lump_and_chance_does_not(self) -> None:
+        sys.path.insert(0, str(EXAMPLES))
+        import find_lump
+
+        scene = pt.Scene.parse(LUMP, SESSIONS)
+        env = find_lump.FindLump(scene, 3, lump=(0.01, 0.0), spread=0.004)
+        policy = find_lump.Scripted(env, reach=0.016, points=3, depth=0.003)
+        rows = find_lump.rollout(env, policy, 100)
+        found = rows["away"][rows["terminated"]]
+        self.assertGreaterEqual(len(found), 3)
+        self.assertLess(found.mean(), 0.009)
+        again = find_lump.rollout(env, find_lump.Scripted(env, reach=0.016, points=3, depth=0.003), 20)
+        self.assertEqual(again["observation"].tobytes(), rows["observation"][:20].tobytes(), "not repeatable")
+        chance = find_lump.rollout(env, find_lump.random_policy, 20)
+        self.assertEqual(chance["observation"].shape, (20, 3, 6))
+
+        features = pt.rows.lerobot_features({"observation.state": rows["observation"][:, 0], "next.reward": rows["reward"][:, 0]},
+                                            {"observation.state": ["x", "y", "z", "fx", "fy", "fz"]})
+        self.assertEqual(features["observation.state"],
+                         {"dtype": "float32", "shape": (6,), "names": ["x", "y", "z", "fx", "fy", "fz"]})
+        self.assertEqual(features["next.reward"]["shape"], (1,))
+        try:
+            import h5py
+        except ImportError:
+            self.skipTest("no h5py: rows are not written")
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "rows.hdf5"
+            pt.rows.write_hdf5(file, rows, {"policy": "scripted"})
+            with h5py.File(file) as read:
+                np.testing.assert_array_equal(read["observation"], rows["observation"])
+                self.assertEqual(read.attrs["policy"], "scripted")
+
+    def test_a_device_gets_forces_that_are_short_enough(self) -> None:
+        class Device:
+            def push_force(self, forces, names, frame) -> None:
+                self.got = forces, names, frame
+
+        batch, device = pt.Batch(pt.Scene.parse(FLOOR)), Device()
+        batch.position[0, 0, 2] = -0.045
+        batch.step(1e-3)
+        pt.rows.push_force(device, batch)
+        np.testing.assert_allclose(device.got[0], [[0.0, 0.0, 2.0]])
+        self.assertEqual(device.got[1:], (["tool"], "world"))
+        self.assertAlmostEqual(batch.force[0, 0, 2], 20.0)
+
+
+if __name__ == "__main__":
+    unittest.main()
