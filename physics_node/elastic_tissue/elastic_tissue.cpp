@@ -66,6 +66,7 @@ ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t
     tools_.push_back(std::make_unique<Tool>());
     tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
   }
+  if (is_folded_) fold();
 }
 
 ElasticTissue::Columns ElasticTissue::columns() const noexcept {
