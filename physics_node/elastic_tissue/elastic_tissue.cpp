@@ -66,6 +66,7 @@ ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t
     tools_.push_back(std::make_unique<Tool>());
     tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
   }
+  if (is_folded_) fold();
 }
 
 ElasticTissue::Columns ElasticTissue::columns() const noexcept {
@@ -357,7 +358,11 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
     add_equilibria(tool, touch, *draft.contact);
   }
   tool.last_newton = touch.force_on_tool_newton.norm();
-  tool.last_forces_newton = touch.forces_on_body_newton;
+  tool.last_forces_newton.clear();
+  for (std::size_t p = 0; p < touch.forces_on_body_newton.size(); ++p) {
+    const elastic::Vector3d& force = touch.forces_on_body_newton[p];
+    if (!force.isZero(0.0)) tool.last_forces_newton.emplace_back(p, force);
+  }
   tool.last_m = simulation_.x_m();
   tool.last_m_per_s = simulation_.v_m_per_s();
   tool.last_creep_m = simulation_.relaxation().creep_m();
@@ -389,10 +394,14 @@ void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& t
   const double newton = touch.force_on_tool_newton.norm();
   const Vector3 way = touch.centre_m - tool.last_centre_m;
   const auto add_last = [&] {
-    return tool.last_newton > 0.0 && std::abs(newton - tool.last_newton) > kOtherForce * newton &&
-           std::abs(way.dot(tool.slow_normal)) > kAlongNormal * way.norm() &&
-           contact.add_equilibrium(body_->points, tool.last_m, tool.last_forces_newton,
-                                   &tool.last_m_per_s, &tool.last_creep_m);
+    if (!(tool.last_newton > 0.0 && std::abs(newton - tool.last_newton) > kOtherForce * newton &&
+          std::abs(way.dot(tool.slow_normal)) > kAlongNormal * way.norm())) {
+      return false;
+    }
+    std::vector<elastic::Vector3d> forces(body_->points.size(), elastic::Vector3d::Zero());
+    for (const auto& [point, force] : tool.last_forces_newton) forces[point] = force;
+    return contact.add_equilibrium(body_->points, tool.last_m, forces, &tool.last_m_per_s,
+                                   &tool.last_creep_m);
   };
   if (is_hasty(tool) && add_last()) return;
   contact.add_equilibrium(body_->points, body_->start_m, {});

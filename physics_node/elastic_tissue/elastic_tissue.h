@@ -14,6 +14,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/core/handover.h"
@@ -189,7 +190,7 @@ class ElasticTissue {
     elastic::VectorXd last_m;                    // the last solution
     elastic::VectorXd last_m_per_s;
     elastic::VectorXd last_creep_m;
-    std::vector<elastic::Vector3d> last_forces_newton;  // on the body
+    std::vector<std::pair<std::size_t, elastic::Vector3d>> last_forces_newton;  // on the points
     double last_newton = 0.0;
     bool is_prepared = false;                      // a draft waits to be published
     double slow_distance_m = 0.0;                  // from the tip to it
