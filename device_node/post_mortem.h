@@ -3,8 +3,6 @@
 // and out of it again, and computed once more. Not for the tick.
 #pragma once
 
-#include <algorithm>
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -14,23 +12,16 @@
 #include <string>
 #include <vector>
 
-#include "common/telemetry/flight_recorder.h"
 #include "device_node/journal.h"
 
 namespace palpate::device {
 
-/// The journal's last seconds: from a state that is at least kWindow old on, or from a later one
-/// where there is more than fits.
+/// The journal's last seconds: from a state that is at least kWindow old on, bounded.
 class PostMortem {
  public:
   static constexpr Duration kWindow = std::chrono::seconds(2);
-  /// For the flight recorder: not less than the longest window, nor than what it keeps anyway.
-  [[nodiscard]] static std::size_t ticks_of_window(double rate_hz) {
-    const double ticks = rate_hz * to_seconds(kWindow + Journal::kStateEvery);
-    return std::max(kFlightRecorderTicks, static_cast<std::size_t>(ticks) + 1);
-  }
 
-  /// Empties the journal's rings. Call it more often than every 0.5 s.
+  /// Empties the journal's rings. Call it more often than every 0.2 s.
   void take(Journal& journal);
 
   /// Lines that begin with '#', so that the file stays a table with comments.
@@ -38,9 +29,8 @@ class PostMortem {
   void write(std::ostream& out, const std::string& device) const;
 
  private:
-  // of 2.5 s at 10 kHz, some calls a tick more than usual; a wire is never so fast
-  static constexpr std::size_t kMostEntries = 262'144;
-  static constexpr std::size_t kMostTransfers = 32'768;
+  static constexpr std::size_t kMostEntries = 65536;
+  static constexpr std::size_t kMostTransfers = 32768;
 
   std::deque<JournalEntry> entries_;
   std::deque<JournalState> states_;
@@ -64,8 +54,7 @@ struct FaultFile {
   std::vector<JournalEntry> entries;            ///< after it
   std::vector<Transfer> transfers;
 };
-/// Whether a file is meant as a flight recording: by its name, or by its first line as one of
-/// device_node.
+/// Whether the first line of a file is that of a flight recording of device_node.
 [[nodiscard]] bool is_fault_file(const std::string& file);
 /// @throws SetupError  says which line of `file` breaks which rule
 [[nodiscard]] FaultFile read_fault_file(const std::string& file);
@@ -73,17 +62,14 @@ struct FaultFile {
 /// Monitor, frozen watch and jump detection, from the state on.
 struct Recomputed {
   std::size_t entries = 0;
-  std::size_t different = 0;               ///< decided otherwise, or M differs in any bit
-  bool has_gap = false;                    ///< entries were lost: what follows is not compared
-  std::size_t reductions = 0;              ///< of the monitor
-  FaultReason fault = FaultReason::kNone;  ///< the last one in the file, compared or not
+  std::size_t different = 0;   ///< decided otherwise, or M differs in any bit
+  bool has_gap = false;        ///< entries were lost: what follows a gap is not compared
+  std::size_t reductions = 0;  ///< of the monitor
+  FaultReason fault = FaultReason::kNone;  ///< the last one in the file
   /// It follows from the readings; false: the device, its wire or the machine reported it.
   bool is_computed = false;
   bool is_reproduced = false;
-  /// All was compared, and nothing differs.
-  [[nodiscard]] bool is_same() const {
-    return entries > 0 && !has_gap && different == 0 && is_reproduced == is_computed;
-  }
+  [[nodiscard]] bool is_same() const { return different == 0 && is_reproduced == is_computed; }
 };
 [[nodiscard]] Recomputed recompute_fault(const FaultFile& file);
 

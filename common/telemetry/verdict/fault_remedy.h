@@ -15,7 +15,8 @@ namespace palpate {
     case FaultReason::kDeviceSilent:
     case FaultReason::kDeviceGone:
     case FaultReason::kDeviceNotReady:
-      return "check cable, supply and calibration of the device, then reset the fault (SIGUSR2)";
+      return "check cable, supply and calibration of the device, then reset the fault (SIGUSR2 to "
+             "device_node)";
     case FaultReason::kReadingNotFinite:
     case FaultReason::kDeviceCorrupt:
       return "check the driver and its connection: `palpate conform device`";
