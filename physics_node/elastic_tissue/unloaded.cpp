@@ -62,7 +62,7 @@ void settle(const VectorXd& given, BodyDescription loaded, const Body& alike,
 }  // namespace
 
 UnloadedShape find_unloaded_shape(const BodyDescription& loaded) {
-  UnloadedShape shape{.mesh = loaded.mesh, .loaded_m = {}};
+  UnloadedShape shape{.mesh = loaded.mesh, .loaded_m = {}, .more_load_newton = {}};
   const std::vector<char> is_corner = corners_of(loaded.mesh);
   auto body = std::make_unique<Body>(loaded);
   const VectorXd given = body->rest_m();
