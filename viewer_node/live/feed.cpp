@@ -137,7 +137,7 @@ void WebFeed::pump(TimePoint now) {
                      .recorder = run_.recorder(now),
                      .run = run_.state()};
     if (hands_.size() > 1) {
-      for (const WebHand& hand : hands_) own.sides.push_back({.hand_holder = hand.holder()});
+      for (const WebHand& hand : hands_) own.sides.emplace_back().hand_holder = hand.holder();
     }
     if (task_ != nullptr) own.task = task_->state();
     return own;

@@ -139,7 +139,7 @@ TEST(ConformPhysics, OnABusyMachineJudgesNothingThatTakesAProcessor) {
   cpu_set_t one;
   ASSERT_EQ(sched_getaffinity(0, sizeof(all), &all), 0);
   CPU_ZERO(&one);
-  int processor = 0;
+  std::size_t processor = 0;
   while (!CPU_ISSET(processor, &all)) ++processor;
   CPU_SET(processor, &one);
   ASSERT_EQ(sched_setaffinity(0, sizeof(one), &one), 0);  // what begins now inherits it
