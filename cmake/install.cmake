@@ -27,46 +27,42 @@ install(FILES ${pages}/palpate.bash RENAME palpate
 install(FILES ${pages}/_palpate DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
 install(FILES ${pages}/palpate.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
 
+# A shared library with a C header, its pkg-config file and its examples. The file is in share/, from
+# where the prefix is two folders up whatever the library's folder is called.
+function(palpate_install_library target component export folder)
+  install(TARGETS ${target} EXPORT ${export}
+          LIBRARY COMPONENT ${component} NAMELINK_COMPONENT ${component}
+          PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT ${component}
+          INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  configure_file(${folder}/palpate_${component}.pc.in palpate_${component}.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/palpate_${component}.pc
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/pkgconfig COMPONENT ${component})
+  install(DIRECTORY ${folder}/examples/ COMPONENT ${component}
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/${component})
+  install(EXPORT ${export} NAMESPACE palpate:: DESTINATION ${package_folder}
+          COMPONENT ${component})
+  install(FILES ${package_files} DESTINATION ${package_folder} COMPONENT ${component})
+endfunction()
+
+set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake
+                                 COMPATIBILITY SameMinorVersion)
+set(package_files cmake/palpateConfig.cmake ${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake)
+
 # The controllers by themselves: cmake --install BUILD --component controllers --prefix FOLDER
 install(TARGETS palpate_clamp palpate_controllers EXPORT palpateTargets
         ARCHIVE COMPONENT controllers
         PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate/controllers
                       COMPONENT controllers
         INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-install(TARGETS palpate_controllers_c EXPORT palpateTargets
-        LIBRARY COMPONENT controllers NAMELINK_COMPONENT controllers
-        PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT controllers
-        INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-# in share/, from where the prefix is two folders up whatever the library's folder is called
-configure_file(mofc_node/controllers/palpate_controllers.pc.in palpate_controllers.pc @ONLY)
-install(FILES ${PROJECT_BINARY_DIR}/palpate_controllers.pc
-        DESTINATION ${CMAKE_INSTALL_DATADIR}/pkgconfig COMPONENT controllers)
-install(DIRECTORY mofc_node/controllers/examples/ COMPONENT controllers
-        DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/controllers)
-set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
-install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder}
-        COMPONENT controllers)
-write_basic_package_version_file(${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake
-                                 COMPATIBILITY SameMinorVersion)
-set(package_files cmake/palpateConfig.cmake ${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake)
-install(FILES ${package_files} DESTINATION ${package_folder} COMPONENT controllers)
+palpate_install_library(palpate_controllers_c controllers palpateTargets mofc_node/controllers)
 
 # The tissue by itself: cmake --install BUILD --component tissue --prefix FOLDER
-install(TARGETS palpate_tissue_c EXPORT palpateTissue
-        LIBRARY COMPONENT tissue NAMELINK_COMPONENT tissue
-        PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT tissue
-        INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-configure_file(physics_node/library/palpate_tissue.pc.in palpate_tissue.pc @ONLY)
-install(FILES ${PROJECT_BINARY_DIR}/palpate_tissue.pc
-        DESTINATION ${CMAKE_INSTALL_DATADIR}/pkgconfig COMPONENT tissue)
-install(DIRECTORY physics_node/library/examples/ COMPONENT tissue
-        DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/tissue)
+palpate_install_library(palpate_tissue_c tissue palpateTissue physics_node/library)
 # for pip, which then finds the library that is installed
 install(DIRECTORY physics_node/library/python/ COMPONENT tissue
         DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/python/tissue
         FILES_MATCHING PATTERN "*.py" PATTERN "*.toml" PATTERN "py.typed" PATTERN "build" EXCLUDE)
-install(EXPORT palpateTissue NAMESPACE palpate:: DESTINATION ${package_folder} COMPONENT tissue)
-install(FILES ${package_files} DESTINATION ${package_folder} COMPONENT tissue)
 
 # To bring a physics of one's own: cmake --install BUILD --component physics --prefix FOLDER
 install(FILES physics_node/sdk/physics.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate

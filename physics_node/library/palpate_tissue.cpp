@@ -76,7 +76,8 @@ palpate_tissue_status guarded(const Call& call) noexcept {
   }
 }
 
-std::string range(const std::string& name, double value, const std::string& rule) {
+template <class Number>
+std::string range(const std::string& name, Number value, const std::string& rule) {
   return name + " = " + std::to_string(value) + ": must be " + rule;
 }
 
@@ -91,6 +92,16 @@ palpate_tissue_status no_copy(std::size_t copy, std::size_t count) {
                                                  std::to_string(count) + "; give 0 to " +
                                                  std::to_string(count - 1) +
                                                  ", or PALPATE_EVERY where allowed");
+}
+
+/// One of the copies, or all of them.
+template <class Act>
+void for_copies(std::size_t copy, std::size_t count, const Act& act) {
+  if (copy != PALPATE_EVERY) {
+    act(copy);
+    return;
+  }
+  for (std::size_t i = 0; i < count; ++i) act(i);
 }
 
 bool is_within(const double* numbers, std::size_t count, double most) {
@@ -273,8 +284,7 @@ palpate_batch* palpate_batch_create(const palpate_scene* scene, size_t scenes, s
   guarded([&] {
     if (scene == nullptr) return null_pointer("scene");
     const auto refuse = [](const char* name, std::size_t value, const char* rule) {
-      return failed(PALPATE_TISSUE_OUT_OF_RANGE,
-                    std::string(name) + " = " + std::to_string(value) + ": must be " + rule);
+      return failed(PALPATE_TISSUE_OUT_OF_RANGE, range(name, value, rule));
     };
     if (scenes < 1 || scenes > kMostScenes) return refuse("scenes", scenes, "1 to 1000000");
     if (tools < 1 || tools > kMostTools) return refuse("tools", tools, "1 to 64");
@@ -351,11 +361,8 @@ palpate_tissue_status palpate_batch_reset(palpate_batch* batch, size_t copy, dou
       return failed(PALPATE_TISSUE_OUT_OF_RANGE,
                     range("time_s", time_s, "finite and within +-1e8 s; 0 is usual"));
     }
-    const std::size_t first = copy == PALPATE_EVERY ? 0 : copy;
-    const std::size_t end = copy == PALPATE_EVERY ? count : copy + 1;
-    for (std::size_t i = first; i < end; ++i) {
-      batch->batch.reset(i, palpate::time_at(time_s));
-    }
+    for_copies(copy, count,
+               [&](std::size_t i) { batch->batch.reset(i, palpate::time_at(time_s)); });
     return PALPATE_TISSUE_OK;
   });
 }
@@ -388,11 +395,8 @@ palpate_tissue_status palpate_batch_restore(palpate_batch* batch, size_t copy,
                     "the snapshot is of another scene, or has another number of tools; take one of "
                     "a batch of this scene with as many");
     }
-    const std::size_t first = copy == PALPATE_EVERY ? 0 : copy;
-    const std::size_t end = copy == PALPATE_EVERY ? count : copy + 1;
-    for (std::size_t i = first; i < end; ++i) {
-      batch->batch.at(i).continue_as(snapshot->simulation);
-    }
+    for_copies(copy, count,
+               [&](std::size_t i) { batch->batch.at(i).continue_as(snapshot->simulation); });
     return PALPATE_TISSUE_OK;
   });
 }

@@ -30,6 +30,8 @@ constexpr Definition kDefinitions[] = {
     {"/task_map", "palpate.v1.TaskMap"},
 };
 constexpr std::size_t kCount = std::size(kDefinitions);
+constexpr auto kTaskMap = static_cast<std::size_t>(WebChannel::kTaskMap);
+static_assert(kTaskMap + 1 == kCount, "left out without a task, it changes no other's place");
 constexpr Definition kAudienceMesh{"/mesh_steps", "palpate.v1.MeshSteps"};
 
 /// Of the first `end` definitions, those that every side has.
@@ -41,16 +43,21 @@ std::size_t per_side(std::size_t end) {
 
 }  // namespace
 
+std::string topic_of(const Side& side, const char* name) {
+  return (side.name.empty() ? "" : "/" + side.name) + name;
+}
+
 std::vector<Channel> web_channels(const Session& session, bool is_audience) {
   std::vector<Channel> channels;
   bool is_first = true;
   for (const Side& side : session.sides) {
-    const std::string prefix = side.name.empty() ? "" : "/" + side.name;
     for (std::size_t i = 0; i < kCount; ++i) {
+      if (i == kTaskMap && !session.task) continue;
       const bool is_mesh = i == static_cast<std::size_t>(WebChannel::kMesh);
       const Definition& definition = is_mesh && is_audience ? kAudienceMesh : kDefinitions[i];
       if (!is_first && !definition.is_per_side) continue;
-      channels.push_back({.topic = (definition.is_per_side ? prefix : "") + definition.topic,
+      channels.push_back({.topic = definition.is_per_side ? topic_of(side, definition.topic)
+                                                          : std::string(definition.topic),
                           .schema_name = definition.schema,
                           .schema = schema_of(definition.schema),
                           .is_state = i != static_cast<std::size_t>(WebChannel::kLog),
@@ -64,7 +71,7 @@ std::vector<Channel> web_channels(const Session& session, bool is_audience) {
 std::size_t index_of(WebChannel channel, std::size_t side) {
   const auto index = static_cast<std::size_t>(channel);
   if (side == 0 || !kDefinitions[index].is_per_side) return index;
-  return kCount + (side - 1) * per_side(kCount) + per_side(index);
+  return kTaskMap + (side - 1) * per_side(kCount) + per_side(index);
 }
 
 }  // namespace palpate::viewer

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "common/session/session.h"
@@ -25,10 +26,13 @@ enum class WebChannel : std::uint8_t {
   kTool,
   kTransforms,
   kLog,
-  kTaskMap,
+  kTaskMap,  ///< of a session with a task, which has no sides
 };
 
-/// The channels of a session with all its sides: "/left/device".
+/// "/device"; of a side "/left/device". @param name  with its slash
+[[nodiscard]] std::string topic_of(const Side& side, const char* name);
+
+/// The channels of a session with all its sides.
 /// @param is_audience  kMesh is /mesh_steps instead of /mesh
 [[nodiscard]] std::vector<Channel> web_channels(const Session& session, bool is_audience = false);
 /// Index of a channel in web_channels(). @param side  index in session.sides; ignored by

@@ -4,7 +4,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <utility>
 
 #include "common/core/version.h"
 #include "common/link/codec/viewer_codec.h"
@@ -18,8 +17,7 @@ std::vector<std::string> hand_topics(const Session& session, const ProcessLinks&
   std::vector<std::string> topics;
   for (const Side& side : session.sides) {
     const bool is_led = !is_audience && may_lead_hand(side, links);
-    const std::string prefix = side.name.empty() ? "" : "/" + side.name;
-    topics.push_back(is_led ? prefix + "/hand_target" : "");
+    topics.push_back(is_led ? topic_of(side, "/hand_target") : "");
   }
   return topics;
 }
@@ -147,9 +145,12 @@ void WebFeed::pump(TimePoint now) {
 }
 
 void WebFeed::publish_task_map() {
-  if (std::exchange(has_task_ended_, task_->has_ended()) || !has_task_ended_) return;
-  server_.publish(index_of(WebChannel::kTaskMap), wall_clock_ns(),
-                  make_payload(encode_task_map(task_->map())));
+  if (!task_->has_ended()) {
+    task_map_ = nullptr;  // before the end, or a replay that has gone back
+  } else if (!task_map_) {
+    task_map_ = make_payload(encode_task_map(task_->map()));
+    server_.publish(index_of(WebChannel::kTaskMap), wall_clock_ns(), task_map_);
+  }
 }
 
 void WebFeed::end() {
@@ -164,9 +165,8 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       if (event.channel == index_of(WebChannel::kPoints)) foxglove_.repeat_points();
       if (event.channel == index_of(WebChannel::kTool, 0)) foxglove_.repeat_surfaces();
       if (event.channel == index_of(WebChannel::kLog)) log_.send_history_to(event.client);
-      if (event.channel == index_of(WebChannel::kTaskMap) && has_task_ended_) {
-        server_.send_to(event.client, event.channel, wall_clock_ns(),
-                        make_payload(encode_task_map(task_->map())));
+      if (event.channel == index_of(WebChannel::kTaskMap) && task_map_) {
+        server_.send_to(event.client, event.channel, wall_clock_ns(), task_map_);
       }
       return;
     case WebServer::Event::Kind::kHandTarget:

@@ -60,7 +60,7 @@ class WebFeed {
 
   NodeContext& context_;
   const TaskView* task_;
-  bool has_task_ended_ = false;  // and its map was published
+  Payload task_map_;  // null until the task has ended
   SideIndex sides_;
   WebServer server_;
   WebLog log_;

@@ -15,70 +15,63 @@ namespace {
 using test::CommandResult;
 using test::run_cmake;
 
+// A component, installed into a folder of its own, and a project of its examples built against it.
+class InstalledExamples {
+ public:
+  /// @param example  folder in share/palpate/examples   @param options  of the project
+  void build(const std::string& component, const std::string& example,
+             const std::string& options = {}) {
+    const CommandResult installed = run_cmake("--install '" PALPATE_BUILD_DIR "' --component " +
+                                              component + " --prefix '" + prefix() + "'");
+    ASSERT_EQ(installed.status, 0) << installed.output;
+    const CommandResult configured =
+        run_cmake("-G Ninja -S '" + prefix() + "/share/palpate/examples/" + example + "' -B '" +
+                  folder() + "' -DCMAKE_PREFIX_PATH='" + prefix() + "'" + options);
+    ASSERT_EQ(configured.status, 0) << configured.output;
+    const CommandResult built = run_cmake("--build '" + folder() + "'");
+    ASSERT_EQ(built.status, 0) << built.output;
+  }
+  [[nodiscard]] std::string prefix() const { return (files_.path() / "prefix").string(); }
+  /// Of what was built.
+  [[nodiscard]] std::string folder() const { return (files_.path() / "build").string(); }
+  /// Runs the tests of the examples, of which there are so many.
+  void expect_tests(int count) const {
+    const CommandResult ran = run_cmake("--build '" + folder() + "' --target test");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    EXPECT_NE(ran.output.find("100% tests passed, 0 tests failed out of " + std::to_string(count)),
+              std::string::npos)
+        << ran.output;
+  }
+
+ private:
+  test::TempFolder files_;
+};
+
 // In C++, C, Python, and as a wrapper of two device libraries, of which stubs are there.
 TEST(Install, TheExamplesOfTheControllersAreAProjectOfTheirOwn) {
-  const test::TempFolder files;
-  const std::string prefix = (files.path() / "prefix").string();
-  const CommandResult installed = run_cmake(
-      "--install '" PALPATE_BUILD_DIR "' --component controllers --prefix '" + prefix + "'");
-  ASSERT_EQ(installed.status, 0) << installed.output;
-  const std::string source = prefix + "/share/palpate/examples/controllers";
-  const std::string build = (files.path() / "build").string();
-
-  const CommandResult configured = run_cmake("-G Ninja -S '" + source + "' -B '" + build +
-                                             "' -DCMAKE_PREFIX_PATH='" + prefix + "'");
-  ASSERT_EQ(configured.status, 0) << configured.output;
-  const CommandResult built = run_cmake("--build '" + build + "'");
-  ASSERT_EQ(built.status, 0) << built.output;
-  const CommandResult ran = run_cmake("--build '" + build + "' --target test");
-
-  EXPECT_EQ(ran.status, 0) << ran.output;
-  EXPECT_NE(ran.output.find("100% tests passed, 0 tests failed out of 10"), std::string::npos)
-      << ran.output;
+  InstalledExamples examples;
+  ASSERT_NO_FATAL_FAILURE(examples.build("controllers", "controllers"));
+  examples.expect_tests(10);
 }
 
 // In C and C++, against the shared library that stands alone.
 TEST(Install, TheExamplesOfTheTissueAreAProjectOfTheirOwn) {
-  const test::TempFolder files;
-  const std::string prefix = (files.path() / "prefix").string();
-  const CommandResult installed =
-      run_cmake("--install '" PALPATE_BUILD_DIR "' --component tissue --prefix '" + prefix + "'");
-  ASSERT_EQ(installed.status, 0) << installed.output;
-  EXPECT_TRUE(std::filesystem::exists(prefix + "/share/palpate/python/tissue/setup.py"));
-  const std::string source = prefix + "/share/palpate/examples/tissue";
-  const std::string build = (files.path() / "build").string();
-
-  const CommandResult configured =
-      run_cmake("-G Ninja -S '" + source + "' -B '" + build + "' -DCMAKE_PREFIX_PATH='" + prefix +
-                "' -DSESSION='" PALPATE_SOURCE_DIR "/deploy/sessions/block_with_tumour.txtpb'");
-  ASSERT_EQ(configured.status, 0) << configured.output;
-  const CommandResult built = run_cmake("--build '" + build + "'");
-  ASSERT_EQ(built.status, 0) << built.output;
-  const CommandResult ran = run_cmake("--build '" + build + "' --target test");
-
-  EXPECT_EQ(ran.status, 0) << ran.output;
-  EXPECT_NE(ran.output.find("100% tests passed, 0 tests failed out of 4"), std::string::npos)
-      << ran.output;
+  InstalledExamples examples;
+  ASSERT_NO_FATAL_FAILURE(examples.build("tissue", "tissue",
+                                         " -DSESSION='" PALPATE_SOURCE_DIR
+                                         "/deploy/sessions/block_with_tumour.txtpb'"));
+  EXPECT_TRUE(std::filesystem::exists(examples.prefix() + "/share/palpate/python/tissue/setup.py"));
+  examples.expect_tests(4);
 }
 
 // The example as a project of its own, out of the installed tree alone.
 TEST(Install, APhysicsOfOnesOwnIsBuiltAndConforms) {
-  const test::TempFolder files;
-  const std::string prefix = (files.path() / "prefix").string();
-  const CommandResult installed =
-      run_cmake("--install '" PALPATE_BUILD_DIR "' --component physics --prefix '" + prefix + "'");
-  ASSERT_EQ(installed.status, 0) << installed.output;
-  const std::string source = prefix + "/share/palpate/examples/half_space";
-  const std::string build = (files.path() / "build").string();
-
-  const CommandResult configured = run_cmake("-G Ninja -S '" + source + "' -B '" + build +
-                                             "' -DCMAKE_PREFIX_PATH='" + prefix + "'");
-  ASSERT_EQ(configured.status, 0) << configured.output;
-  const CommandResult built = run_cmake("--build '" + build + "'");
-  ASSERT_EQ(built.status, 0) << built.output;
+  InstalledExamples examples;
+  ASSERT_NO_FATAL_FAILURE(examples.build("physics", "half_space"));
   const test::QuietMachine machine;
-  const CommandResult conforms = test::run_command(
-      "'" PALPATE_BUILD_DIR "/bin/palpate' conform physics -- '" + build + "/half_space'");
+  const CommandResult conforms =
+      test::run_command("'" PALPATE_BUILD_DIR "/bin/palpate' conform physics -- '" +
+                        examples.folder() + "/half_space'");
 
   if (conforms.status == 1 && !machine.may_check("checks of real time")) return;
   EXPECT_EQ(conforms.status, 0) << conforms.output;

@@ -129,8 +129,7 @@ for (const subprotocol of ["foxglove.sdk.v1", "foxglove.websocket.v1"]) {
     const [info, channels] = await Promise.all(greeting);
     assert.match(info.name, /^viewer_node /);
     assert.equal(socket.protocol, subprotocol);
-    // /task_map has a message only once a task has ended
-    assert.deepEqual(channels.map(({ topic }) => topic).filter((topic) => topic !== "/task_map").sort(), [...wanted].sort());
+    assert.deepEqual(channels.map(({ topic }) => topic).sort(), [...wanted].sort());
     for (const { id, topic, encoding, schemaName, schemaEncoding, schema } of channels) {
       assert.equal(encoding, "protobuf");
       assert.equal(schemaEncoding, "protobuf");

@@ -471,8 +471,9 @@ function say(now_s: number, display: View): void {
   if (!is_paused) plots.loop.tell(display);
   chips.write(telemetry, scene, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
-  write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
-  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, sides.problems(), now_s));
+  const problems = sides.problems();
+  write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, problems, now_s));
+  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, problems, now_s));
   write_hand(hand.status, hand.is_touching);
   acknowledge.write(devices(now_s));
   counters.write(telemetry);
@@ -490,10 +491,10 @@ function devices(now_s: number): ShownDevice[] {
 }
 
 /** Failures of every side, whichever is on display. */
-function banners(status_text: string, now_s: number): string[] {
+function banners(status_text: string, problems_of_others: string[], now_s: number): string[] {
   if (!is_connected()) return lost_lines(has_been_connected ? server_silence_s() : NaN, [...verdicts.values()], refusal);
   const shown_lines = banner_lines(telemetry, now_s).map((line) => (sides.shown ? `${sides.shown}: ${line}` : line));
-  const lines = [...shown_lines, ...sides.problems()];
+  const lines = [...shown_lines, ...problems_of_others];
   return status_text ? [...lines, status_text] : lines;
 }
 

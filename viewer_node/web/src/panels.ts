@@ -4,7 +4,7 @@ import { make, write } from "./card";
 import { css_gradient, tissue_colour } from "./scene/colours";
 import type { HandStatus } from "./hand";
 import type { SceneView } from "./scene/scene_view";
-import { count_words, duration_words, fault_words, forces_of, kNodeTasks, node_state, state_words, time_words } from "./state";
+import { count_words, duration_words, fault_words, forces_of, gone_words, kNodeTasks, node_state, state_words, time_words } from "./state";
 import { kNodes, norm, type NodeName, type Telemetry } from "./telemetry";
 import type { ColourMode, Surface } from "./scene/surface";
 import { Guard, type SceneState } from "./wire";
@@ -94,7 +94,7 @@ export function lost_lines(silence_s: number, verdicts: string[], refusal: strin
 export function banner_lines(telemetry: Telemetry, now_s: number): string[] {
   const lines = kNodes
     .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
-    .map((name) => `${name}_node (${kNodeTasks[name]}) is gone: last heard ${duration_words(telemetry.nodes[name].silence_s(now_s))} ago.`);
+    .map((name) => gone_words(name, telemetry.nodes[name].silence_s(now_s)));
   const recorder = telemetry.health?.recorder;
   if (recorder?.problem) lines.push(`The recording failed: ${recorder.problem}`);
   return lines;

@@ -3,7 +3,7 @@
 // the others, to whose telemetry the page does not subscribe.
 import { make } from "./card";
 import { segments } from "./panels";
-import { duration_words, kNodeTasks } from "./state";
+import { gone_words } from "./state";
 import { kNodes } from "./telemetry";
 import { Guard, kFaultReasons, type Health, type SideState } from "./wire";
 
@@ -16,7 +16,9 @@ export class Sides {
   names: string[] = [];
   /** On display. */
   shown = "";
-  private health: Health | null = null;
+  /** Of /health. */
+  states: SideState[] = [];
+  private nodes = new Map<string, Health["nodes"][number]>(); // "left.device", …
   private readonly labels: HTMLElement[] = []; // of the tools
 
   constructor(
@@ -32,12 +34,10 @@ export class Sides {
   get are_many(): boolean {
     return this.names.length > kMostButtons;
   }
-  get states(): SideState[] {
-    return this.health?.sides ?? [];
-  }
 
-  take(health: Health): void {
-    this.health = health;
+  take({ sides, nodes }: Health): void {
+    this.states = sides;
+    this.nodes = new Map(nodes.map((node) => [node.name, node]));
   }
 
   /** The sides that the server has. */
@@ -92,22 +92,20 @@ export class Sides {
       if (name === this.shown) continue;
       if (guard === Guard.fault) say(`fault, the motors are off until reset: ${kFaultReasons[lastFault] ?? "unknown reason"}.`, name);
       for (const node of kNodes) {
-        const link = this.health!.nodes.find((one) => one.name === `${name}.${node}`);
-        if (link && !link.isHeard && link.silenceS >= 0) {
-          say(`${node}_node (${kNodeTasks[node]}) is gone: last heard ${duration_words(link.silenceS)} ago.`, name);
-        }
+        const link = this.nodes.get(`${name}.${node}`);
+        if (link && !link.isHeard && link.silenceS >= 0) say(gone_words(node, link.silenceS), name);
       }
     }
     return [...names_of].map(([text, names]) => `${names_words(names)}: ${text}`);
   }
 
   is_heard(name: string): boolean {
-    return this.health?.nodes.find((one) => one.name === `${name}.device`)?.isHeard ?? false;
+    return this.nodes.get(`${name}.device`)?.isHeard ?? false;
   }
 }
 
 /** "left, right and 3 more" */
-export function names_words(names: string[]): string {
+function names_words(names: string[]): string {
   if (names.length <= kMostNamed + 1) return names.join(", ");
   return `${names.slice(0, kMostNamed).join(", ")} and ${names.length - kMostNamed} more`;
 }

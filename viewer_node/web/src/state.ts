@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // state.ts: the state of the whole system as text.
-import { kNodes, norm, type NodeLink, type Telemetry } from "./telemetry";
+import { kNodes, norm, type NodeLink, type NodeName, type Telemetry } from "./telemetry";
 import { Guard, kFaultReasons, Mofc, type Vector3 } from "./wire";
 
 export type Tone = "calm" | "active" | "notice" | "alarm" | "absent";
@@ -25,6 +25,9 @@ export function node_state(node: NodeLink, nominal_hz: number, is_connected: boo
   return node.rate_hz < kSlow * nominal_hz ? "slow" : "alive";
 }
 
+export function gone_words(node: NodeName, silence_s: number): string {
+  return `${node}_node (${kNodeTasks[node]}) is gone: last heard ${duration_words(silence_s)} ago.`;
+}
 export function fault_words(telemetry: Telemetry): string {
   return kFaultReasons[telemetry.device_batch?.counters.lastFault ?? 0] ?? "unknown reason";
 }

@@ -20,7 +20,7 @@ const kPlumb_m = 0.0025; // a vertex so near to the plumb line is below the tool
 const kClear = 0.66; // opacity of outer tissue in front of inner tissue and of the tool
 
 /** Of places that were not searched, and of those that were: apart for every kind of sight. */
-export const kMapColours = [new Color("#d95f02"), new Color("#3a86c8")];
+const kMapColours = [new Color("#d95f02"), new Color("#3a86c8")];
 
 interface Drawn {
   surface: Surface;
