@@ -26,8 +26,11 @@ struct DeviceSpecification {
   Matrix3 force_axes = Matrix3::Identity();
   std::uint32_t button_count = 0;  ///< bits used of DeviceSample::buttons
   bool is_simulated = false;
-  /// What a person does before calibrate(); empty where the device calibrates itself.
+  /// What a person does before calibrate(); empty where phase() is never kConnected.
   std::string calibration = {};
+  /// False: it says nothing before it is calibrated, so that only its calibration confirms a
+  /// release.
+  bool answers_uncalibrated = true;
   /// True: the motors end each force with its lease, whatever this process does. False: a force
   /// goes on until the next read(), apply() or release(), however late, and may end by itself at
   /// any time after its lease. Forces above f_co then need an acceptance in the session.
@@ -116,7 +119,7 @@ class HapticDevice {
   /// it. Motors limp, nothing moves. May allocate, and take as long as some messages.
   [[nodiscard]] virtual bool calibrate() noexcept { return phase() == DevicePhase::kCalibrated; }
 
-  /// Why the last read() or apply() returned false.
+  /// Why the last read(), apply() or release() returned false.
   [[nodiscard]] virtual DeviceError last_error() const noexcept { return DeviceError::kFailed; }
 
   /// From now on `tap` sees the raw messages, where the device has a wire; null: nobody does. It

@@ -105,15 +105,37 @@ DevicePhase DeviceNode::phase() const noexcept {
 }
 
 void DeviceNode::acknowledge() noexcept {
-  // a device that waits for its calibration takes it, and needs one more
+  const bool has_helped = has_fault() ? reset_fault() : calibrate_or_enable();
+  if (!has_helped) ++vain_acknowledgements_;
+}
+
+bool DeviceNode::calibrate_or_enable() noexcept {
   if (device_.phase() == DevicePhase::kConnected) {
     // one that cannot be reached any more is as if it were new
     if (!device_.calibrate()) static_cast<void>(device_.reopen(kResetWithin));
-    if (has_fault()) static_cast<void>(clear_fault());
-    return;
+    // one that was silent until now confirms its release now
+    if (device_.phase() == DevicePhase::kCalibrated && release_once()) begin_anew();
+  } else {
+    is_acknowledged_ = device_.phase() == DevicePhase::kCalibrated;
   }
-  if (has_fault() && !(device_.reopen(kResetWithin) && clear_fault())) return;
-  is_acknowledged_ = device_.phase() == DevicePhase::kCalibrated;
+  return device_.phase() == DevicePhase::kCalibrated;
+}
+
+/// Takes no calibration: nobody was asked for it yet. A device that is silent until it has one
+/// confirms its release with it.
+bool DeviceNode::reset_fault() noexcept {
+  const bool has_lost_calibration = device_.phase() == DevicePhase::kConnected;
+  const bool is_reached = device_.reopen(kResetWithin) && release_once();
+  const bool may_be_silent =
+      !device_.specification().answers_uncalibrated && device_.phase() == DevicePhase::kConnected;
+  if (!is_reached && !may_be_silent) return false;
+  fault_ = FaultReason::kNone;
+  ++counters_.fault_resets;
+  if (device_.phase() == DevicePhase::kCalibrated) {
+    begin_anew();
+    is_acknowledged_ = !has_lost_calibration;
+  }
+  return true;
 }
 
 void DeviceNode::acknowledge(const SeenDevice& seen) noexcept {
@@ -126,17 +148,13 @@ void DeviceNode::acknowledge(const SeenDevice& seen) noexcept {
   acknowledge();
 }
 
-bool DeviceNode::clear_fault() noexcept {
-  if (!release_once()) return false;
-  fault_ = FaultReason::kNone;
+/// After a fault or a calibration, motors released. What the encoder did meanwhile is not known:
+/// the echo begins anew, which mofc_node takes as a gap.
+void DeviceNode::begin_anew() noexcept {
   judge_.begin();
   measured_.begin();
-  // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
-  // gap
   applied_ = AppliedForces(device_.specification().has_motor_watchdog);
   monitor_.lost();
-  ++counters_.fault_resets;
-  return true;
 }
 
 void DeviceNode::release_motors() noexcept {

@@ -133,7 +133,8 @@ void DeviceNode::step(const Tick& tick) noexcept {
 
 /// The exchange of a tick; returns the reason if it failed.
 FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noexcept {
-  if (!is_released_) return FaultReason::kWriteFailed;  // of an earlier stop()
+  // an earlier stop(), or a device that was calibrated and then did not confirm its release
+  if (!is_released_) return reason_of(device_.last_error(), FaultReason::kWriteFailed);
   if (slept_ > Duration::zero()) {
     monitor_.slept(slept_);
     return FaultReason::kSuspended;
@@ -186,9 +187,9 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   if (must_check_motors_) motor_check_.begin();
   const bool has_consent = may_push_now && !frozen_.is_frozen();
   if (frozen_.is_frozen()) ++counters_.frozen_ticks;
+  // whatever acts ends now, and what follows starts limp: no fallback either
+  if (!has_consent) guard_.reset();
   if (!has_consent && applied_.lease_end() != TimePoint::max()) {
-    // whatever acts ends now, and what follows starts limp
-    guard_.reset();
     const FaultReason reason = switch_to({.lease = config_.lease}, deadline, record);
     if (reason != FaultReason::kNone) return reason;
   }
@@ -288,7 +289,8 @@ FaultReason DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
   record.guard = GuardState::kLimp;
   record.is_answered = false;
   record.is_peak_limited = false;
-  return is_released ? FaultReason::kNone : FaultReason::kWriteFailed;
+  return is_released ? FaultReason::kNone
+                     : reason_of(device_.last_error(), FaultReason::kWriteFailed);
 }
 
 /// A tick of a latched fault or without a calibration: only a reading, if there is one, for the

@@ -94,8 +94,9 @@ class DeviceNode {
   [[nodiscard]] bool has_fault() const noexcept { return fault_ != FaultReason::kNone; }
   [[nodiscard]] DevicePhase phase() const noexcept;
   /// A person says that the device may go on, one step at a time: a latched fault is cleared, if
-  /// the motors confirm their release; a device that is not calibrated takes its calibration, which
-  /// the person has made possible (DeviceSpecification::calibration); a calibrated one is enabled.
+  /// the motors confirm their release, or can only be silent until they are calibrated; a device
+  /// that is not calibrated takes its calibration, which the person has made possible
+  /// (DeviceSpecification::calibration); a calibrated one is enabled.
   /// The next step() takes the device from where it is, with a limp start. Where a fault leaves the
   /// device calibrated, and where it is simulated, the same call enables it. A real device whose
   /// force may exceed f_co has its motors checked first, in the following ticks: kChecking.
@@ -103,6 +104,11 @@ class DeviceNode {
   /// The same, by a person who saw the device at a distance: only while it is still as seen. Else,
   /// and where it waits for nothing, the acknowledgement is refused and counted.
   void acknowledge(const SeenDevice& seen) noexcept;
+
+  /// Acknowledgements that changed nothing: the fault stays, or the calibration was not taken.
+  [[nodiscard]] std::uint64_t vain_acknowledgements() const noexcept {
+    return vain_acknowledgements_;
+  }
 
   /// The machine slept for so long, which the clock did not count: a fault of the next step().
   void suspended(Duration slept) noexcept { slept_ += slept; }
@@ -124,7 +130,9 @@ class DeviceNode {
   [[nodiscard]] bool may_push(const DeviceSample& sample) noexcept;
   [[nodiscard]] FaultReason check_motors(const DeviceSample& sample, TimePoint deadline,
                                          DeviceTick& record) noexcept;
-  [[nodiscard]] bool clear_fault() noexcept;
+  [[nodiscard]] bool reset_fault() noexcept;
+  [[nodiscard]] bool calibrate_or_enable() noexcept;
+  void begin_anew() noexcept;
   [[nodiscard]] double motor_limit_newton() const noexcept;
   [[nodiscard]] bool has_motor_check() const noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
@@ -182,6 +190,7 @@ class DeviceNode {
   Duration slept_{};                         // since the last step
   TimePoint reopens_at_{};                   // next attempt to reach a lost device
   Vector3 counted_force_newton_ = Vector3::Zero();  // of the last tick
+  std::uint64_t vain_acknowledgements_ = 0;
   DeviceCounters counters_;
 };
 

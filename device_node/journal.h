@@ -105,7 +105,11 @@ class Journal final : public WireTap {
  public:
   static constexpr Duration kStateEvery = std::chrono::milliseconds(500);
 
-  Journal() : entries_(kEntries), states_(kStates), transfers_(kTransfers) {}
+  /// @param rate_hz  of the ticks: the rings hold about a second of them
+  explicit Journal(double rate_hz = 1000.0)
+      : entries_(scaled(kEntries, rate_hz)),
+        states_(kStates),
+        transfers_(scaled(kTransfers, rate_hz)) {}
 
   // --- the tick ---
   void keep(JournalEntry entry) noexcept {
@@ -134,7 +138,11 @@ class Journal final : public WireTap {
   [[nodiscard]] bool take(WireTransfer& transfer) noexcept { return transfers_.pop(transfer); }
 
  private:
-  // more than a second of a tick at 1 kHz
+  static std::size_t scaled(std::size_t at_1_kHz, double rate_hz) {
+    return static_cast<std::size_t>(static_cast<double>(at_1_kHz) * std::max(1.0, rate_hz / 1e3));
+  }
+
+  // at 1 kHz
   static constexpr std::size_t kEntries = 8192;
   static constexpr std::size_t kTransfers = 2048;
   static constexpr std::size_t kStates = 8;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <utility>
@@ -142,6 +143,12 @@ void PostMortem::take(Journal& journal) {
          (entries_.front().index < states_.front().index || entries_.size() > kMostEntries)) {
     entries_.pop_front();
   }
+  // a state is worth nothing without the first entry after it
+  while (states_.size() > 1 && !entries_.empty() &&
+         states_.front().index < entries_.front().index) {
+    states_.pop_front();
+  }
+  while (!entries_.empty() && entries_.front().index < states_.front().index) entries_.pop_front();
   while (!transfers_.empty() &&
          (transfers_.front().at < states_.front().at || transfers_.size() > kMostTransfers)) {
     transfers_.pop_front();
@@ -169,6 +176,7 @@ void PostMortem::write(std::ostream& out, const std::string& device) const {
 // --- and read again -------------------------------------------------------------------------
 
 bool is_fault_file(const std::string& file) {
+  if (std::filesystem::path(file).filename().string().starts_with("flight-")) return true;
   std::ifstream in(file);
   std::string line;
   return std::getline(in, line) && after(line, kFirstColumn).has_value();
@@ -190,7 +198,7 @@ FaultFile read_fault_file(const std::string& file) {
     ++number;
     if (number == 1) {
       if (!after(line, kFirstColumn))
-        refuse("not the columns of a flight recording of device_node");
+        refuse("not the columns of a flight recording of device_node (sequence,sampled_at_ns,…)");
       read.columns = words_of(line);
     } else if (line.empty() || line.front() != '#') {
       read.ticks.push_back(words_of(line));
@@ -239,27 +247,25 @@ FaultFile read_fault_file(const std::string& file) {
 
 Recomputed recompute_fault(const FaultFile& file) {
   Recomputed out;
-  if (!file.state) return out;
-  JournalState state = *file.state;
+  JournalState state = file.state.value_or(any_state());
   std::uint64_t index = state.index;
   // the last of the calls that judge readings: as computed here, and as the file says
   bool was_good = true;
   bool was_noted_good = true;
   bool was_plausible = true;  // M, after the last reading
   for (const JournalEntry& entry : file.entries) {
-    if (entry.index != index++) {
-      out.has_gap = true;
-      break;
-    }
+    out.has_gap = out.has_gap || (file.state && entry.index != index++);
     bool is_good = true;
-    if (!repeat(state, entry, is_good)) ++out.different;
-    ++out.entries;
-    if (entry.kind == JournalKind::kCover && !is_good) ++out.reductions;
+    if (file.state && !out.has_gap) {
+      if (!repeat(state, entry, is_good)) ++out.different;
+      ++out.entries;
+      if (entry.kind == JournalKind::kCover && !is_good) ++out.reductions;
+      if (entry.kind == JournalKind::kRead) was_plausible = state.monitor.is_account_plausible();
+    }
     if (entry.kind == JournalKind::kJudge || entry.kind == JournalKind::kFrozen) {
       was_good = is_good;
       was_noted_good = entry.is_good;
     }
-    if (entry.kind == JournalKind::kRead) was_plausible = state.monitor.is_account_plausible();
     if (entry.kind == JournalKind::kFault) {
       out.fault = entry.fault;
       // the check of the motors has a rule of its own for positions that stand still
@@ -273,6 +279,32 @@ Recomputed recompute_fault(const FaultFile& file) {
   }
   return out;
 }
+
+namespace {
+
+/// What a reader learns of the window computed again.
+std::string recomputed_text(const FaultFile& file, const Recomputed& recomputed) {
+  if (!file.state) return "not possible: the file has no state at the start of a window\n";
+  if (recomputed.entries == 0) {
+    return "nothing: the first entry after the state at the start of the window is missing\n";
+  }
+  std::string text = std::to_string(recomputed.entries) + " entries: ";
+  text += recomputed.different == 0 ? "monitor and checks decide the same, to the bit"
+                                    : std::to_string(recomputed.different) + " differ";
+  text += "; " + std::to_string(recomputed.reductions) + " commands reduced by the monitor";
+  if (recomputed.has_gap) text += "; then entries were lost: what follows is not compared";
+  text += '\n';
+  if (recomputed.has_gap || recomputed.fault == FaultReason::kNone) return text;
+  text += "            the fault ";
+  if (recomputed.is_reproduced) return text + "follows from the readings: reproduced\n";
+  if (recomputed.is_computed) {
+    return text + "does not follow from the readings: not reproduced\n";
+  }
+  return text +
+         "was reported by the device, its wire, a check or the machine: see the last transfers\n";
+}
+
+}  // namespace
 
 std::string fault_text(const FaultFile& file, const Recomputed& recomputed) {
   std::ostringstream out;
@@ -290,27 +322,7 @@ std::string fault_text(const FaultFile& file, const Recomputed& recomputed) {
   if (file.state) out << " since " << milliseconds(end - file.state->at) << " ms before it";
   out << '\n';
 
-  out << "recomputed  ";
-  if (!file.state) {
-    out << "not possible: the file has no state at the start of a window\n";
-  } else {
-    out << recomputed.entries << " entries: "
-        << (recomputed.different == 0
-                ? std::string("monitor and checks decide the same, to the bit")
-                : std::to_string(recomputed.different) + " differ")
-        << "; " << recomputed.reductions << " commands reduced by the monitor";
-    if (recomputed.has_gap) out << "; entries were lost, what follows is not compared";
-    out << '\n';
-    if (recomputed.fault != FaultReason::kNone) {
-      out << "            the fault "
-          << (recomputed.is_reproduced ? "follows from the readings: reproduced"
-              : recomputed.is_computed
-                  ? "does not follow from the readings: not reproduced"
-                  : "was reported by the device, its wire, a check or the machine: see the last "
-                    "transfers")
-          << '\n';
-    }
-  }
+  out << "recomputed  " << recomputed_text(file, recomputed);
 
   // M at each of the last readings, which the ticks of the table do not have
   out << "\nlast readings, ms before the fault, monitor's energy µJ, force N\n";

@@ -3,6 +3,8 @@
 // and out of it again, and computed once more. Not for the tick.
 #pragma once
 
+#include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -12,16 +14,23 @@
 #include <string>
 #include <vector>
 
+#include "common/telemetry/flight_recorder.h"
 #include "device_node/journal.h"
 
 namespace palpate::device {
 
-/// The journal's last seconds: from a state that is at least kWindow old on, bounded.
+/// The journal's last seconds: from a state that is at least kWindow old on, or from a later one
+/// where there is more than fits.
 class PostMortem {
  public:
   static constexpr Duration kWindow = std::chrono::seconds(2);
+  /// For the flight recorder: not less than the longest window, nor than what it keeps anyway.
+  [[nodiscard]] static std::size_t ticks_of_window(double rate_hz) {
+    const double ticks = rate_hz * to_seconds(kWindow + Journal::kStateEvery);
+    return std::max(kFlightRecorderTicks, static_cast<std::size_t>(ticks) + 1);
+  }
 
-  /// Empties the journal's rings. Call it more often than every 0.2 s.
+  /// Empties the journal's rings. Call it more often than every 0.5 s.
   void take(Journal& journal);
 
   /// Lines that begin with '#', so that the file stays a table with comments.
@@ -29,8 +38,9 @@ class PostMortem {
   void write(std::ostream& out, const std::string& device) const;
 
  private:
-  static constexpr std::size_t kMostEntries = 65536;
-  static constexpr std::size_t kMostTransfers = 32768;
+  // of 2.5 s at 10 kHz, some calls a tick more than usual; a wire is never so fast
+  static constexpr std::size_t kMostEntries = 262'144;
+  static constexpr std::size_t kMostTransfers = 32'768;
 
   std::deque<JournalEntry> entries_;
   std::deque<JournalState> states_;
@@ -54,7 +64,8 @@ struct FaultFile {
   std::vector<JournalEntry> entries;            ///< after it
   std::vector<Transfer> transfers;
 };
-/// Whether the first line of a file is that of a flight recording of device_node.
+/// Whether a file is meant as a flight recording: by its name, or by its first line as one of
+/// device_node.
 [[nodiscard]] bool is_fault_file(const std::string& file);
 /// @throws SetupError  says which line of `file` breaks which rule
 [[nodiscard]] FaultFile read_fault_file(const std::string& file);
@@ -62,14 +73,17 @@ struct FaultFile {
 /// Monitor, frozen watch and jump detection, from the state on.
 struct Recomputed {
   std::size_t entries = 0;
-  std::size_t different = 0;   ///< decided otherwise, or M differs in any bit
-  bool has_gap = false;        ///< entries were lost: what follows a gap is not compared
-  std::size_t reductions = 0;  ///< of the monitor
-  FaultReason fault = FaultReason::kNone;  ///< the last one in the file
+  std::size_t different = 0;               ///< decided otherwise, or M differs in any bit
+  bool has_gap = false;                    ///< entries were lost: what follows is not compared
+  std::size_t reductions = 0;              ///< of the monitor
+  FaultReason fault = FaultReason::kNone;  ///< the last one in the file, compared or not
   /// It follows from the readings; false: the device, its wire or the machine reported it.
   bool is_computed = false;
   bool is_reproduced = false;
-  [[nodiscard]] bool is_same() const { return different == 0 && is_reproduced == is_computed; }
+  /// All was compared, and nothing differs.
+  [[nodiscard]] bool is_same() const {
+    return entries > 0 && !has_gap && different == 0 && is_reproduced == is_computed;
+  }
 };
 [[nodiscard]] Recomputed recompute_fault(const FaultFile& file);
 

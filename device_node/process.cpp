@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device_node/process.h"
 
+#include <unistd.h>
+
 #include <atomic>
 #include <chrono>
 #include <optional>
@@ -98,6 +100,40 @@ class PageInput {
   SpscRing<SeenDevice> seen_{kPageAcknowledgements};
 };
 
+/// Acknowledges the device of this process and no other, whatever the program is called.
+std::string acknowledge_command() { return "kill -USR2 " + std::to_string(::getpid()); }
+
+/// What the person at a real device is told, on the telemetry thread.
+class DevicePrompts {
+ public:
+  DevicePrompts(spdlog::logger& log, std::string calibration)
+      : log_(log), calibration_(std::move(calibration)) {}
+
+  /// @param vain_acknowledgements  DeviceNode::vain_acknowledgements()
+  void note(DevicePhase phase, std::uint64_t vain_acknowledgements) {
+    const bool is_new = told_.exchange(phase) != phase;
+    const bool was_in_vain = std::exchange(vain_, vain_acknowledgements) != vain_acknowledgements;
+    if (was_in_vain && phase == DevicePhase::kConnected) {
+      log_.warn("event=acknowledgement_in_vain: the device did not take its calibration");
+    } else if (was_in_vain) {
+      log_.warn(
+          "event=acknowledgement_in_vain: the device cannot be reached, or did not confirm that "
+          "its motors are released; remedy=\"check its cable and supply\"");
+    }
+    if (phase == DevicePhase::kConnected && (is_new || was_in_vain)) {
+      log_.warn("event=device_prompt: {}; then {}", calibration_, acknowledge_command());
+    }
+  }
+  /// Of the tick.
+  [[nodiscard]] bool was_told_of(DevicePhase phase) const noexcept { return told_ == phase; }
+
+ private:
+  spdlog::logger& log_;
+  std::string calibration_;
+  std::atomic<DevicePhase> told_{DevicePhase::kUnknown};
+  std::uint64_t vain_ = 0;
+};
+
 /// Prompts of a driver go through the log.
 StartUp start_up_of(NodeContext& context) {
   return {.prompt = [&log = context.log](
@@ -129,8 +165,8 @@ CheckedProfile checked_hands_off(const Session& session, NodeContext& context,
       start_up,
       "the hands-off check moves the device by itself, with up to 1 N: move it to the middle of "
       "its workspace, take the hand off, clear its way, " +
-          std::string(button ? "hold the dead-man button until it has ended, " : "") +
-          "then send SIGUSR2 to device_node");
+          std::string(button ? "hold the dead-man button until it has ended, " : "") + "then " +
+          acknowledge_command());
   context.log.info("event=hands_off_check_acknowledged");
   return check_hands_off(device, context.clock, profile, button, context.stop);
 }
@@ -169,16 +205,20 @@ void run_process(NodeContext& context, ProcessLinks& links) {
 void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
-  Journal journal;         // outlives the device
-  PostMortem post_mortem;  // outlives the publisher, whose thread fills it
+  Journal journal(session.side().device.rate_hz);  // outlives the device
+  PostMortem post_mortem;                          // outlives the publisher, whose thread fills it
   const DriverRegistry drivers =
       all_drivers({.simulated = {.device = session.side().simulated,
                                  .hand = session.side().hand,
                                  .seed = stream_seed(session, session.side(), "hand"),
                                  .goals = &goals},
                    .driver = session.side().driver});
-  const auto device =
-      drivers.at(driver_name(session.side().driver)).open(context.clock, start_up_of(context));
+  const Driver& driver = drivers.at(driver_name(session.side().driver));
+  if (!driver.is_simulated) {
+    context.log.info("event=acknowledge_with command=\"{}\": this device and no other",
+                     acknowledge_command());
+  }
+  const auto device = driver.open(context.clock, start_up_of(context));
   refuse_unmonitored(session.side().device, device->specification(), context.is_unsafe);
   refuse_missing_button(session.side().device, device->specification());
   double friction_ratio = 0.0;
@@ -207,7 +247,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   RingSink<DeviceTick> ticks;
   Snapshot<DeviceCounters> counters;
   FlightRecorder<DeviceTick> recorder(
-      flight_files(context, with_side(session.side().name, "device")));
+      flight_files(context, with_side(session.side().name, "device")),
+      PostMortem::ticks_of_window(session.side().device.rate_hz));
   RejectionLog refused(context.log, "force_command", exchange.refused);
   std::optional<PointerInput> pointer;
   if (session.side().hand.pointer && device->specification().is_simulated) {
@@ -230,12 +271,10 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   };
   publisher.peers_refused = [&] { return side.refused().total(); };
   TickWatch ticks_watched;
-  std::atomic<DevicePhase> told{DevicePhase::kUnknown};
+  std::atomic<std::uint64_t> vain_acknowledgements{0};
+  DevicePrompts prompts(context.log, device->specification().calibration);
   publisher.on_pump = [&](TimePoint now) {
-    const DevicePhase phase = counters.load().phase;
-    if (told.exchange(phase) != phase && phase == DevicePhase::kConnected) {
-      context.log.warn("event=device_prompt: {}", device->specification().calibration);
-    }
+    prompts.note(counters.load().phase, vain_acknowledgements);
     if (!context.stop.stop_requested() && ticks_watched.hangs(counters.load().loop.ticks, now)) {
       context.log.error(
           "event=device_hangs: a call of {} has not returned for 2 s, so nothing is read and no "
@@ -266,7 +305,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   loop.run(context.stop, [&](const Tick& tick) {
     // nor does one of a phase that nobody was told of
     const std::uint32_t resets_asked = context.requests.fault_resets;
-    if (std::exchange(resets, resets_asked) != resets_asked && told == node.phase()) {
+    if (std::exchange(resets, resets_asked) != resets_asked && prompts.was_told_of(node.phase())) {
       node.acknowledge();
     }
     for (SeenDevice seen; page && page->next(seen);) node.acknowledge(seen);
@@ -274,6 +313,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     node.step(tick);
     if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());
+    vain_acknowledgements = node.vain_acknowledgements();
   });
   const bool is_released =
       released_within(std::chrono::milliseconds(500), context.clock, [&] { return node.stop(); });

@@ -66,8 +66,8 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   force_command_.note(counters.force_command, now);
   if (counters.device_faults != faults_) {
     log_.error(
-        "event=device_fault reason=\"{}\" count={} remedy=\"clear the cause, then send SIGUSR2 to "
-        "device_node\"",
+        "event=device_fault reason=\"{}\" count={} remedy=\"clear the cause, then send SIGUSR2 "
+        "(event=acknowledge_with)\"",
         name(counters.last_fault), counters.device_faults - faults_);
     faults_ = counters.device_faults;
   }
@@ -114,13 +114,13 @@ void EventLog<DeviceCounters>::note_phase(DevicePhase phase) {
   phase_ = phase;
   if (phase == DevicePhase::kConnected) {
     log_.warn(
-        "event=device_phase phase=connected remedy=\"calibrate the device as it asks for, then "
-        "send "
-        "SIGUSR2 to device_node\"");
+        "event=device_phase phase=connected remedy=\"calibrate the device as event=device_prompt "
+        "asks for, then send SIGUSR2 (event=acknowledge_with)\"");
   } else if (phase == DevicePhase::kCalibrated) {
     log_.warn(
         "event=device_phase phase=calibrated remedy=\"no force yet: make sure that the handle is "
-        "free, then send SIGUSR2 to device_node, or press the session's dead-man button\"");
+        "free, then send SIGUSR2 (event=acknowledge_with), or press the session's dead-man "
+        "button\"");
   } else if (phase == DevicePhase::kChecking) {
     log_.warn(
         "event=device_phase phase=checking remedy=\"the motors push a little to and fro, along one "

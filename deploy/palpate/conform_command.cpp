@@ -139,7 +139,9 @@ struct ConformDevice {
     add_trust_flag(app, is_trusted);
     add_output_options(app, output);
     app.footer(app.get_footer() +
-               "\nCtrl-C, SIGTERM and SIGHUP release the motors, until the device confirms it or "
+               "\nA real device that does not follow the first small push falls short, too: "
+               "device_node would not enable it.\nCtrl-C, SIGTERM and SIGHUP release the motors, "
+               "until the device confirms it or "
                "for 1 s, and end with 130, 143 or 129.");
   }
 

@@ -35,6 +35,8 @@ namespace {
 /// the monitor, or of the end of the run.
 class FaultFileWriter {
  public:
+  explicit FaultFileWriter(double rate_hz)
+      : most_ticks_(device::PostMortem::ticks_of_window(rate_hz)) {}
   void listen_to(LockstepOptions& options) {
     options.journal = &journal_;
     options.on_device_tick = [this](const DeviceTick& tick) { keep(tick); };
@@ -50,7 +52,7 @@ class FaultFileWriter {
     if (!text_.empty()) return;
     post_mortem_.take(journal_);
     ticks_.push_back(tick);
-    if (ticks_.size() > kFlightRecorderTicks) ticks_.pop_front();
+    if (ticks_.size() > most_ticks_) ticks_.pop_front();
     if (tick.guard == GuardState::kFault) write("a fault");
     if (tick.is_monitor_reduced) write("a command that the monitor reduced");
   }
@@ -62,6 +64,7 @@ class FaultFileWriter {
     text_ = out.str();
   }
 
+  std::size_t most_ticks_;
   device::Journal journal_;
   device::PostMortem post_mortem_;
   std::deque<DeviceTick> ticks_;
@@ -124,7 +127,7 @@ struct LoopbackCommand {
     options.record = output.record();
     options.recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file);
     options.lockstep.on_physics_tick = warn_of_start;
-    FaultFileWriter faults;
+    FaultFileWriter faults(loaded.side().device.rate_hz);
     if (!post_mortem_file.empty()) {
       check_outputs({{"--post-mortem", post_mortem_file}}, {}, output.may_overwrite);
       faults.listen_to(options.lockstep);

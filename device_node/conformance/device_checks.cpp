@@ -241,7 +241,13 @@ CheckOutcome check_reported_force(DeviceBench& bench) {
   if (!after.applied_force_newton.isZero(0.0)) {
     return failed("a reading after the lease says that a force goes on: end it there");
   }
-  return good("the force within the lease, none after it");
+  // what it says is one thing, what its motors do another
+  const CheckOutcome ended =
+      bench.motor_force_newton()
+          ? expect_motors(bench, Vector3::Zero(), "after the first reading behind the lease")
+          : check_lease_by_motion(bench);
+  if (ended.verdict != CheckVerdict::kGood) return ended;
+  return good("the force within the lease, none after it: " + ended.text);
 }
 
 CheckOutcome check_latch(DeviceBench& bench) {

@@ -76,13 +76,13 @@ CheckOutcome check_motors(DeviceBench& bench) {
           "friction than device.profile says",
           check.gain_at_least()));
     case MotorVerdict::kFrozen:
-      return not_observable("the positions stand still under a push along " + axis +
-                            "of 0.3 N: device_node would refuse to enable it");
+      return failed("the positions stand still under a push along " + axis +
+                    "of 0.3 N beyond friction: device_node would refuse to enable it");
     case MotorVerdict::kNotSeen:
-      return not_observable("the positions do not follow a push along " + axis +
-                            ": device_node would refuse to enable it");
+      return failed("the positions do not follow a push along " + axis +
+                    ": device_node would refuse to enable it");
     case MotorVerdict::kInterrupted:
-      return not_observable("this machine pauses again and again: stop other programs");
+      return failed("this machine pauses again and again: stop other programs and try again");
     case MotorVerdict::kChecking:
     case MotorVerdict::kGood:
       break;

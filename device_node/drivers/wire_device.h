@@ -48,11 +48,13 @@ class WireDevice : public HapticDevice {
 
   [[nodiscard]] bool release() noexcept final {
     motors_.set(Vector3::Zero(), Duration::zero(), clock_.now());
-    if (!is_connected()) return false;
+    error_ = is_connected() ? DeviceError::kNone : DeviceError::kUnplugged;
     // after a failed transfer the first answer may be that of an earlier message
-    for (int messages = is_in_step_ ? 1 : 2; messages > 0; --messages) {
-      if (noted(release_once()) != Transfer::kDone) return false;
+    for (int messages = is_in_step_ ? 1 : 2; error_ == DeviceError::kNone && messages > 0;
+         --messages) {
+      error_ = device_error(noted(release_once()));
     }
+    if (error_ != DeviceError::kNone) return false;
     is_in_step_ = true;
     return true;
   }

@@ -106,6 +106,7 @@ class ScriptedDevice : public device::HapticDevice {
     return takes_calibration;
   }
 
+  void answers_uncalibrated(bool does) { specification_.answers_uncalibrated = does; }
   void has_watchdog(bool is_there) { specification_.has_motor_watchdog = is_there; }
 
   /// What the motors did at `t`, from the writes alone.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/core/problems.h"
+#include "common/session/file/session_rules.h"
 #include "common/session/file/session_text.h"
 
 namespace palpate {
@@ -262,6 +263,27 @@ std::optional<SessionOutline::Mistake> SessionOutline::foreign_notation(std::siz
   return complaint.empty() ? std::nullopt : std::optional(Mistake{token.position, complaint});
 }
 
+/// The field whose value this token is, one that is no message; null: none is known.
+const pb::FieldDescriptor* SessionOutline::field_of_value(std::size_t index) const {
+  if (index == 0) return value_of_;
+  const Scope& scope = scopes_[tokens_[index].scope];
+  if (scope.list != nullptr) return scope.list;
+  if (index < 2 || tokens_[index - 1].text != ":" || scope.type == nullptr) return nullptr;
+  return scope.type->FindFieldByName(tokens_[index - 2].text);
+}
+
+/// "accept: 1": a name is to be given, so that a reader sees what it means.
+std::optional<SessionOutline::Mistake> SessionOutline::numbered_name(std::size_t index) const {
+  const Token& token = tokens_[index];
+  if (token.type != Tokenizer::TYPE_INTEGER) return {};
+  const bool is_negative = index > 0 && tokens_[index - 1].text == "-";
+  const pb::FieldDescriptor* field = field_of_value(is_negative ? index - 1 : index);
+  if (field == nullptr || field->enum_type() == nullptr) return {};
+  const std::string text = (is_negative ? "-" : "") + token.text;
+  return Mistake{token.position, child_path(scopes_[token.scope].path, field->name(), -1) + " = " +
+                                     text + ": must be " + choices_text(*field->enum_type())};
+}
+
 /// A text that does not end, or that stands where a number or a name belongs.
 std::optional<SessionOutline::Mistake> SessionOutline::bad_quotes(std::size_t index) const {
   const Token& token = tokens_[index];
@@ -271,10 +293,7 @@ std::optional<SessionOutline::Mistake> SessionOutline::bad_quotes(std::size_t in
     return Mistake{token.position, "cannot be read: " + one_line(text) +
                                        ": the text does not end; " + "end it with " + text.front()};
   }
-  const pb::FieldDescriptor* field = index == 0 ? value_of_ : nullptr;
-  if (index >= 2 && tokens_[index - 1].text == ":" && scopes_[token.scope].type != nullptr) {
-    field = scopes_[token.scope].type->FindFieldByName(tokens_[index - 2].text);
-  }
+  const pb::FieldDescriptor* field = field_of_value(index);
   if (field == nullptr || field->cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING ||
       field->message_type() != nullptr) {
     return {};
@@ -315,6 +334,7 @@ std::vector<SessionOutline::Mistake> SessionOutline::mistakes() const {
     const Token& token = tokens_[i];
     if (missing && token.position >= missing->position) break;
     if (auto comma = decimal_comma(i)) mistakes.push_back(std::move(*comma));
+    if (auto number = numbered_name(i)) mistakes.push_back(std::move(*number));
     if (auto mistake = unreadable(i)) {
       mistakes.push_back(std::move(*mistake));
       return mistakes;

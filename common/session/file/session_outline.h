@@ -65,7 +65,8 @@ class SessionOutline {
     TokenPosition position;
     std::string text;  ///< with what to do
   };
-  /// Fields given twice, two members of a oneof, numbers with a decimal comma or a unit, notation
+  /// Fields given twice, two members of a oneof, numbers with a decimal comma or a unit or where a
+  /// name belongs, notation
   /// of other formats (// comments, JSON, “quotes”), texts in quotes that are numbers or not
   /// closed, braces that are missing or too many; in order.
   [[nodiscard]] std::vector<Mistake> mistakes() const;
@@ -97,6 +98,8 @@ class SessionOutline {
   [[nodiscard]] bool is_name(std::size_t index) const;
   [[nodiscard]] bool looks_like_name(std::size_t index) const;
   [[nodiscard]] std::optional<Mistake> missing_brace() const;
+  [[nodiscard]] const google::protobuf::FieldDescriptor* field_of_value(std::size_t index) const;
+  [[nodiscard]] std::optional<Mistake> numbered_name(std::size_t index) const;
   [[nodiscard]] std::optional<Mistake> decimal_comma(std::size_t index) const;
   [[nodiscard]] std::optional<Mistake> unit(std::size_t index) const;
   [[nodiscard]] std::optional<Mistake> foreign_notation(std::size_t index) const;

@@ -15,8 +15,7 @@ namespace palpate {
     case FaultReason::kDeviceSilent:
     case FaultReason::kDeviceGone:
     case FaultReason::kDeviceNotReady:
-      return "check cable, supply and calibration of the device, then reset the fault (SIGUSR2 to "
-             "device_node)";
+      return "check cable, supply and calibration of the device, then reset the fault (SIGUSR2)";
     case FaultReason::kReadingNotFinite:
     case FaultReason::kDeviceCorrupt:
       return "check the driver and its connection: `palpate conform device`";

@@ -149,7 +149,8 @@ class Judge {
       add({Grade::kBad, "device_not_enabled",
            fmt::format("the device gave no force: it is only {}", name(device.phase)),
            device.phase == DevicePhase::kCalibrated
-               ? "acknowledge it: SIGUSR2 to device_node, or press device.dead_man_button"
+               ? "acknowledge it: SIGUSR2 (event=acknowledge_with in the log), or press "
+                 "device.dead_man_button"
                : "connect and calibrate it as device_node asks"});
     }
     const double without_hand = ratio(device.dead_man_ticks, ticks());

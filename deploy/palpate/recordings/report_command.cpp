@@ -29,9 +29,11 @@ struct ReportCommand {
   bool is_recomputed = false;
 
   void add_to(CLI::App& app) {
-    app.add_option("FILE", files,
-                   "recording (*.mcap), two are shown side by side; or flight-device-*.csv of a "
-                   "fault, which is printed and computed again")
+    app.add_option(
+           "FILE", files,
+           "recording (*.mcap), two are shown side by side; or flight-device-*.csv of a "
+           "fault, which is printed and computed again: status 1 if that is not the same, or "
+           "if anything is missing")
         ->required()
         ->expected(1, 2)
         ->type_name("");
@@ -80,7 +82,7 @@ struct ReportCommand {
     const TaskScore score = score_of(recording);
     return {.title = "Task", .sentences = findings_of(score), .figures = figures_of(score)};
   }
-  /// @return  1: the fault or what the monitor decided is not reproduced
+  /// @return  1: the fault or what the monitor decided is not reproduced, or not compared
   [[nodiscard]] int report_fault(const Verbosity& verbosity) const {
     const device::FaultFile file = device::read_fault_file(files.front());
     const device::Recomputed recomputed = device::recompute_fault(file);

@@ -33,6 +33,7 @@ class HapiDevice final : public WireDevice {
         "degrees: the board takes the place where it is for that",
         config.encoder_offsets_deg[0], config.encoder_offsets_deg[1]);
     specification.calibration = text.data();
+    specification.answers_uncalibrated = false;
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
   }
@@ -48,8 +49,10 @@ class HapiDevice final : public WireDevice {
   /// The set-up makes the present angles those of the home position, so it is sent here only.
   [[nodiscard]] bool take_calibration() override {
     angles_rad_.reset();
+    const auto set_up = hapi_set_up(board_);
+    sent(std::as_bytes(std::span(set_up)));
     DeviceSample passed;
-    return port_->write(hapi_set_up(board_), config_.transfer_limit) == Transfer::kDone &&
+    return port_->write(set_up, config_.transfer_limit) == Transfer::kDone &&
            release_once() == Transfer::kDone &&
            exchange(Vector3::Zero(), passed) == Transfer::kDone;
   }

@@ -20,6 +20,11 @@ using namespace std::chrono_literals;
 /// the service repeats its last state.
 constexpr Duration kGripStale = 250ms;
 
+constexpr const char* kMakeReady =
+    "connect the power supply of the Inverse3, calibrate it as its light asks for, and see that "
+    "the "
+    "Inverse Service shows it as ready and without a transform";
+
 constexpr std::string_view kFullFrame = R"({"session":{"force_render_full_state":{}}})";
 
 class HaplyDevice final : public WireDevice {
@@ -43,6 +48,7 @@ class HaplyDevice final : public WireDevice {
     }
     DeviceSpecification specification = specified("Haply Inverse3 " + config_.device_id, config);
     if (!config_.grip_id.empty()) specification.button_count = snapshot_.is_wireless_grip ? 3 : 1;
+    specification.calibration = kMakeReady;
     set_specification(std::move(specification));
     set_calibrated();
   }

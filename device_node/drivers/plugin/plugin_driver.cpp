@@ -135,8 +135,7 @@ class PluginDevice final : public HapticDevice {
     acting_newton_.setZero();
     driver_->release(device_);
     palpate_device_reading passed = blank();
-    return driver_->apply(device_, Vector3(Vector3::Zero()).data(), 0, &passed) ==
-           PALPATE_DEVICE_OK;
+    return is_ok(driver_->apply(device_, Vector3(Vector3::Zero()).data(), 0, &passed));
   }
   [[nodiscard]] DeviceError last_error() const noexcept override { return error_; }
   [[nodiscard]] bool reopen(Duration /*within*/) noexcept override {

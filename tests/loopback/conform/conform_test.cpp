@@ -322,6 +322,10 @@ TEST(ConformDevice, MovesHardwareOnlyIfToldTo) {
       {.may_move_hardware = true, .start_up = {.is_acknowledged = [&] { return ++asked > 10; }}});
   EXPECT_EQ(asked, 11);
   EXPECT_EQ(found.size(), device::device_checks().size());
+  const auto motors = std::find_if(found.begin(), found.end(),
+                                   [](const ConformFinding& one) { return one.check == "motors"; });
+  ASSERT_NE(motors, found.end());
+  EXPECT_TRUE(motors->is_checked && !motors->is_good) << "it stands: " << motors->text;
 }
 
 }  // namespace

@@ -174,6 +174,40 @@ TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
   EXPECT_GE(least_energy_microjoule(emulator.err()), -1.0);
 }
 
+TEST_F(EmulatedDevices, ADeviceThatLostItsSupplySaysWhatItNeedsAndEachVainSignalIsAnswered) {
+  const std::string port = haply_setting();
+  Program powered("palpate", {"emulate", kHaplySession, "--set", port});
+  powered.await_err("emulates the device at");
+  Program launch("palpate",
+                 {"launch", kHaplySession, "--set", port, "--set",
+                  "device.haply_inverse.transfer_limit_ms=1000", "--no-viewer", "--no-realtime"});
+  const pid_t device = std::stoi(launch.await_err("event=node_started node=device pid="));
+  launch.await_err("event=acknowledge_with command=\"kill -USR2 " + std::to_string(device) + "\"");
+  launch.await_err("event=device_phase phase=calibrated");
+  powered.send_signal(SIGINT);
+  EXPECT_EQ(powered.wait(), 0);
+  launch.await_err("event=device_fault ");
+  Program unpowered("palpate",
+                    {"emulate", kHaplySession, "--set", port, "--fault", "no_supply@0:1000000000"});
+  unpowered.await_err("emulates the device at");
+
+  const auto signals_until = [&](const std::string& line, int times) {
+    return test::await([&] {
+      if (test::times_in(launch.err(), line) >= times) return true;
+      kill(device, SIGUSR2);
+      usleep(50'000);
+      return false;
+    });
+  };
+  const std::string prompt = "event=device_prompt: connect the power supply of the Inverse3";
+  EXPECT_TRUE(signals_until(prompt, 1)) << launch.err();
+  EXPECT_TRUE(signals_until("event=acknowledgement_in_vain: the device did not take its", 1))
+      << launch.err();
+  EXPECT_TRUE(signals_until(prompt, 2)) << launch.err();
+  launch.send_signal(SIGINT);
+  launch.wait();
+}
+
 TEST_F(EmulatedDevices, AClientInAnotherLanguageIsServedAsDocumented) {
   const std::string setting = haply_setting();
   Program emulator("palpate", {"emulate", kHaplySession, "--set", setting, "--hands-off"});

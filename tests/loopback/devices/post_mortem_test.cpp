@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -159,9 +160,106 @@ TEST(PostMortem, AnotherStateOrALostEntryIsNoticed) {
   anew.state->monitor = device::ForceMonitor(monitored_config());
   EXPECT_GT(device::recompute_fault(anew).different, 100U);
 
+  EXPECT_FALSE(device::recompute_fault(anew).is_same());
+}
+
+// What was not compared is not the same, and the fault is what its entry says.
+TEST(PostMortem, AFileWithAGapNamesItsFaultAndIsNotTheSame) {
+  Wired wired(WiredDriver::kHapi,
+              {{.kind = WireFault::kUnplugged, .from_s = 3.0, .length_s = 1.0}});
+  wired.run(3'500);
+  const FaultReason fault = wired.bench->node.counters().last_fault;
+  ASSERT_NE(fault, FaultReason::kNone);
+  const TempFolder folder;
+  const FaultFile file = device::read_fault_file(file_of(folder, wired.post_mortem));
+  EXPECT_TRUE(device::recompute_fault(file).is_same());
+
+  const auto expect_incomplete = [&](const FaultFile& damaged, const char* words) {
+    const device::Recomputed recomputed = device::recompute_fault(damaged);
+    EXPECT_FALSE(recomputed.is_same());
+    EXPECT_EQ(recomputed.fault, fault);
+    EXPECT_EQ(recomputed.different, 0U);
+    const std::string text = device::fault_text(damaged, recomputed);
+    EXPECT_THAT(text, HasSubstr(std::string("fault       ") + name(fault)));
+    EXPECT_THAT(text, HasSubstr(words));
+  };
   FaultFile gap = file;
   gap.entries.erase(gap.entries.begin() + 100);
   EXPECT_TRUE(device::recompute_fault(gap).has_gap);
+  expect_incomplete(gap, "100 entries: monitor and checks decide the same, to the bit; 0");
+  FaultFile without_first = file;
+  without_first.entries.erase(without_first.entries.begin());
+  expect_incomplete(without_first, "the first entry after the state");
+  FaultFile without_state = file;
+  without_state.state.reset();
+  expect_incomplete(without_state, "not possible");
+}
+
+// 50,000 calls a second.
+TEST(PostMortem, AFaultAtEightKilohertzIsComputedAgain) {
+  DeviceConfig config = monitored_config();
+  config.rate_hz = 8000.0;
+  config.reply = 60us;
+  config.lease = 250us;
+  Journal journal(config.rate_hz);
+  PostMortem post_mortem;
+  DeviceNodeBench<ScriptedDevice> bench(config, false, &journal);
+  bench.node.acknowledge();
+  bench.answer_with({0.05, 0.0, 0.0}, 250us);
+  std::uint64_t index = 0;
+  const auto tick = [&](const Vector3& position_m) {
+    bench.device.position_m = position_m;
+    const TimePoint at(index * 125us);
+    bench.clock.sleep_until(at);
+    bench.step({.index = index, .scheduled_at = at, .now = bench.clock.now()});
+    bench.states.clear();
+    if (++index % 160 == 0) post_mortem.take(journal);
+  };
+  for (int i = 0; i < 26'000; ++i) tick(Vector3(1e-5 * std::abs(i % 1000 - 500), 0, 0));
+  ASSERT_FALSE(bench.node.has_fault());
+  tick(Vector3(0.2, 0, 0));
+  post_mortem.take(journal);
+  ASSERT_EQ(bench.node.counters().last_fault, FaultReason::kPositionJumped);
+
+  const TempFolder folder;
+  const FaultFile file = device::read_fault_file(file_of(folder, post_mortem));
+  const device::Recomputed recomputed = device::recompute_fault(file);
+  EXPECT_TRUE(recomputed.is_same());
+  EXPECT_TRUE(recomputed.is_reproduced);
+  EXPECT_GT(recomputed.entries, 65'536U);
+  ASSERT_TRUE(file.state.has_value());
+  EXPECT_GE(file.entries.back().at - file.state->at, PostMortem::kWindow);
+  EXPECT_GE(PostMortem::ticks_of_window(config.rate_hz), 20'000U);
+  EXPECT_EQ(PostMortem::ticks_of_window(50.0), kFlightRecorderTicks);
+}
+
+// The state that a file begins with is one whose next entry is there.
+TEST(PostMortem, WhereThereIsMoreThanFitsTheWindowIsShorter) {
+  constexpr std::uint64_t kEachTime = 8'000;
+  Journal journal;
+  PostMortem post_mortem;
+  const DeviceConfig config = monitored_config();
+  for (int i = 0; i < 60; ++i) {
+    const TimePoint at(i * 10ms);
+    journal.keep(device::JournalState{.index = journal.next_index(),
+                                      .at = at,
+                                      .monitor = device::ForceMonitor(config),
+                                      .frozen = device::FrozenWatch(config),
+                                      .judge = device::ReadingJudge(0.0, 0.0)});
+    device::JournalEntry entry;
+    entry.kind = device::JournalKind::kFault;
+    entry.at = at;
+    entry.details.acting_newton = Vector3(Vector3::Zero());
+    for (std::uint64_t k = 0; k < kEachTime; ++k) journal.keep(entry);
+    post_mortem.take(journal);
+  }
+  const TempFolder folder;
+  const FaultFile file = device::read_fault_file(file_of(folder, post_mortem));
+  ASSERT_TRUE(file.state.has_value());
+  ASSERT_FALSE(file.entries.empty());
+  EXPECT_EQ(file.entries.front().index, file.state->index);
+  EXPECT_GT(file.entries.size(), 20 * kEachTime);
+  EXPECT_FALSE(device::recompute_fault(file).has_gap);
 }
 
 TEST(PostMortem, ItsWindowIsTwoSecondsAndItsMemoryBounded) {
@@ -184,6 +282,18 @@ TEST(PostMortem, TheTickDoesNotAllocateForIt) {
   EXPECT_EQ(bench.allocations_of_ticks(), 0U);
   std::optional<device::JournalState> state;
   EXPECT_TRUE(journal.take(state));
+}
+
+// By its name: without its columns it was taken for a recording.
+TEST(PostMortem, AFileWithoutItsColumnsIsRefusedAsAFlightRecording) {
+  const TempFolder folder;
+  const std::string path = (folder.path() / "flight-device-x.csv").string();
+  std::ofstream(path) << "#version 1\n";
+  EXPECT_TRUE(device::is_fault_file(path));
+  EXPECT_THAT([&] { static_cast<void>(device::read_fault_file(path)); },
+              testing::ThrowsMessage<SetupError>(HasSubstr("flight-device-x.csv:1: not the columns "
+                                                           "of a flight recording")));
+  EXPECT_FALSE(device::is_fault_file((folder.path() / "run.mcap").string()));
 }
 
 TEST(PostMortem, ADamagedFileIsRefusedWithItsLine) {

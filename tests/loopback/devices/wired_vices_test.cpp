@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -257,6 +259,55 @@ TEST_P(WiredScenarios, AfterAPowerCycleThereIsNoForceUntilItIsCalibratedAndAckno
   run.expect_no_energy_was_given();
 }
 
+/// Set-ups of a hAPI board, which are messages of type 1.
+struct SetUpCount final : device::WireTap {
+  int count = 0;
+  void transferred(TimePoint /*at*/, bool is_sent,
+                   std::span<const std::byte> bytes) noexcept override {
+    if (is_sent && !bytes.empty() && bytes.front() == std::byte{1}) ++count;
+  }
+};
+
+// The set-up makes the place where the handle is its home: nobody holds it there yet.
+TEST_P(WiredScenarios, TheSignalThatResetsAFaultDoesNotCalibrate) {
+  if (GetParam() != WiredDriver::kHapi) GTEST_SKIP() << "has no set-up that moves its origin";
+  for (const auto kind : {WireFault::kPowerCycle, WireFault::kSilent}) {
+    SCOPED_TRACE(static_cast<int>(kind));
+    WiredSpec of = hostile(kind, 2.0, 0.1);
+    of.faults.push_back({.kind = WireFault::kSetUpAnywhere, .from_s = 2.0, .length_s = 60.0});
+    of.limit = test::patience(50ms);
+    Scenario run(of);
+    SetUpCount set_ups;
+    run.bench.device.tap(&set_ups);
+    const auto acknowledge = [&] {
+      run.bench.node.acknowledge();
+      run.bench.clock.advance(600ms);
+      run.bench.tick();
+      return run.bench.node.phase();
+    };
+    run.bench.node.acknowledge();
+    EXPECT_GT(run.run_until(2s), 0.3);
+    static_cast<void>(run.run_until(2001ms));
+    ASSERT_TRUE(run.bench.node.has_fault());
+    run.bench.clock.advance(600ms);
+    run.bench.tick();
+    EXPECT_EQ(acknowledge(), DevicePhase::kConnected) << "whose prompt names the home position";
+    EXPECT_EQ(set_ups.count, 0);
+    EXPECT_EQ(acknowledge(), DevicePhase::kCalibrated);
+    EXPECT_EQ(set_ups.count, 1);
+    EXPECT_EQ(acknowledge(), DevicePhase::kEnabled);
+    EXPECT_EQ(set_ups.count, 1);
+    run.bench.device.tap(nullptr);
+  }
+}
+
+TEST_P(WiredScenarios, ADeviceThatCanLoseItsCalibrationSaysWhatAPersonDoes) {
+  EXPECT_NE(DeviceNodeBench<WiredOnBench>(checked_config(), hostile(WireFault::kStuck, 60.0, 1.0))
+                .device.specification()
+                .calibration,
+            "");
+}
+
 // Beyond the claim: what the motors drew until the release was confirmed is a debt.
 TEST_P(WiredScenarios, AReleaseThatFailsIsSaidAndBooked) {
   WiredSpec of = hostile(WireFault::kSilent, 2.0, 0.5);
@@ -268,7 +319,11 @@ TEST_P(WiredScenarios, AReleaseThatFailsIsSaidAndBooked) {
   static_cast<void>(run.run_until(2005ms));
   EXPECT_TRUE(run.bench.node.counters().is_release_unconfirmed);
   run.bench.node.acknowledge();
-  EXPECT_EQ(run.bench.node.phase(), DevicePhase::kFaulted) << "no reset before it is confirmed";
+  if (GetParam() == WiredDriver::kHapi) {
+    EXPECT_EQ(run.bench.node.phase(), DevicePhase::kConnected) << "without a set-up it is silent";
+  } else {
+    EXPECT_EQ(run.bench.node.phase(), DevicePhase::kFaulted) << "no reset before it is confirmed";
+  }
   run.bench.clock.advance(600ms);
   static_cast<void>(run.run_until(2700ms));
   EXPECT_FALSE(run.bench.node.counters().is_release_unconfirmed);

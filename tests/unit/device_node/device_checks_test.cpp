@@ -2,6 +2,7 @@
 // What every driver must do: the simulated device does it, and each fault of a wrong one is named.
 #include "device_node/conformance/device_checks.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -50,7 +51,9 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     specification_.button_count = 2;
     if (is("no name")) specification_.model_name.clear();
     if (is("peak in millinewtons")) specification_.peak_force_newton = 3.3e-3;
-    if (is("a reading that names no force")) specification_.has_motor_watchdog = false;
+    if (is("a reading that names no force") || names_its_force()) {
+      specification_.has_motor_watchdog = false;
+    }
     if (is("a latch that is not there")) specification_.has_position_latch = true;
   }
 
@@ -59,7 +62,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   }
   [[nodiscard]] bool read(DeviceSample& sample) noexcept override {
     if (is("slow transfers")) std::this_thread::sleep_for(2ms);
-    return device_.read(sample) && falsify(sample);
+    return device_.read(sample) && name_force(sample) && falsify(sample);
   }
   [[nodiscard]] bool apply(const Vector3& force, Duration lease,
                            DeviceSample& at_switch) noexcept override {
@@ -71,7 +74,8 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     if (is("wrong axis")) std::swap(sent.x(), sent.y());
     if (is("wrong sign")) sent.x() = -sent.x();
     if (is("twice as strong")) sent *= 2.0;
-    if (is("no watchdog")) lease = lease > Duration::zero() ? 10s : lease;
+    const Duration named = lease;
+    if (is("no watchdog") || names_its_force()) lease = lease > Duration::zero() ? 10s : lease;
     if (is("lease below zero")) lease = std::max(lease, Duration(1ms));
     if (is("first lease only") && is_on_ && sent.norm() > 0.0) {
       return device_.read(at_switch);  // goes on, until the first lease ends
@@ -81,6 +85,8 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     is_on_ = sent.norm() > 0.0 && lease > Duration::zero();
     const bool is_applied = device_.apply(sent, lease, at_switch) &&
                             (!is("a switch without a reading") || falsify(at_switch));
+    named_newton_ = at_switch.applied_force_newton;
+    named_until_ = at_switch.sampled_at + named;
     if (is("more than its peak") && force.norm() > 3.4) at_switch.applied_force_newton = force;
     if (is("twice as strong")) at_switch.applied_force_newton = force;
     if (is("a force that is not named")) at_switch.applied_force_newton.setZero();
@@ -100,6 +106,19 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
 
  private:
   [[nodiscard]] bool is(const char* fault) const noexcept { return fault_ == fault; }
+  /// Without a watchdog: readings say what acts. The first of these two says so and pushes on.
+  [[nodiscard]] bool names_its_force() const noexcept {
+    return is("goes on after its lease") || is("no fault, no watchdog");
+  }
+  bool name_force(DeviceSample& sample) noexcept {
+    if (!names_its_force()) return true;
+    const bool is_over = sample.sampled_at >= named_until_;
+    if (is_over && is("no fault, no watchdog") && !device_.apply(Vector3::Zero(), {}, sample)) {
+      return false;
+    }
+    sample.applied_force_newton = is_over ? Vector3(Vector3::Zero()) : named_newton_;
+    return true;
+  }
   bool falsify(DeviceSample& sample) noexcept {
     sample.buttons = is("buttons") ? 4 : 0;
     if (is("NaN") || is("a switch without a reading")) sample.hand_position_m.z() = std::nan("");
@@ -111,6 +130,8 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
       if (frozen_at_ == TimePoint{}) frozen_at_ = sample.sampled_at;
       sample.sampled_at = frozen_at_;
     }
+    if (is("stands still")) sample.hand_position_m = Vector3(0.01, 0, 0);
+    if (is("follows nothing")) sample.hand_position_m = Vector3(++reads_ % 2 * 1e-4, 0, 0);
     if (is("stamps go back")) sample.sampled_at -= std::chrono::microseconds(200 * ++reads_);
     return true;
   }
@@ -122,6 +143,8 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   std::string history_;
   std::unique_ptr<void, decltype(&std::free)> kept_{nullptr, std::free};
   std::string force_;
+  Vector3 named_newton_ = Vector3::Zero();
+  TimePoint named_until_{};
   double over_ = 1.0;
   bool is_on_ = false;
   int reads_ = 0;
@@ -197,6 +220,7 @@ TEST(DeviceChecks, NameEachFault) {
                                               {"first lease only", "renewal"},
                                               {"no watchdog", "lease"},
                                               {"a reading that names no force", "reported"},
+                                              {"goes on after its lease", "reported"},
                                               {"a latch that is not there", "latch"},
                                               {"a latch that is not named", "latch"},
                                               {"lease below zero", "no lease"},
@@ -214,6 +238,27 @@ TEST(DeviceChecks, NameEachFault) {
     const CheckOutcome found = outcomes_of(fault, true)[check];
     EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
     EXPECT_FALSE(found.text.empty()) << fault;
+  }
+}
+
+TEST(DeviceChecks, AForceThatOnlyAReadingEndsIsSeenToEndOrToGoOn) {
+  for (const bool shows_motors : {true, false}) {
+    const auto outcome_of = [&](const char* fault) {
+      return outcomes_of(fault, shows_motors)["reported"];
+    };
+    const CheckOutcome good = outcome_of("no fault, no watchdog");
+    EXPECT_EQ(good.verdict, CheckVerdict::kGood) << good.text;
+    const CheckOutcome wrong = outcome_of("goes on after its lease");
+    EXPECT_EQ(wrong.verdict, CheckVerdict::kFailed) << wrong.text;
+  }
+}
+
+// device_node enables neither.
+TEST(DeviceChecks, ADeviceThatDoesNotFollowASmallPushFails) {
+  for (const char* fault : {"stands still", "follows nothing"}) {
+    const CheckOutcome found = outcomes_of(fault, false)["motors"];
+    EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault;
+    EXPECT_THAT(found.text, testing::HasSubstr("device_node would refuse to enable it"));
   }
 }
 

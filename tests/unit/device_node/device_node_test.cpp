@@ -840,6 +840,16 @@ TEST(DeviceNode, AnAnswerThatCameTooLateAndIsNotReleasedIsAFault) {
   EXPECT_TRUE(bench.node.stop());
 }
 
+TEST(DeviceNode, AReleaseThatFailsAfterALateAnswerIsAFaultOfItsKind) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.device.before_switch = [&] { bench.clock.advance(600us); };
+  bench.device.confirms_release = false;
+  bench.device.error = DeviceError::kCorrupt;
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kDeviceCorrupt);
+}
+
 TEST(DeviceNode, AFaultStaysUntilTheDeviceOpensAgain) {
   Bench bench(device_config());
   bench.tick();
@@ -907,6 +917,52 @@ TEST(DeviceNode, AForceNeedsTheDeadManButtonEndsWithItAndGrowsAgainFromZero) {
   EXPECT_EQ(bench.node.counters().answered_ticks, 20U);
   EXPECT_EQ(force_after(2, 1), 0.0);
   EXPECT_EQ(force_after(2, 20), 1.0);
+}
+
+/// The largest force that the motors were given after the first `writes` of them [N].
+double newton_since(const Bench& bench, std::size_t writes) {
+  double newton = 0.0;
+  for (std::size_t i = writes; i < bench.device.writes.size(); ++i) {
+    newton = std::max(newton, bench.device.writes[i].force_on_hand_newton.norm());
+  }
+  return newton;
+}
+
+// The lease was over, so that nothing had to end: the fallback began for one tick.
+TEST(DeviceNode, NoForceBeginsInTheTickThatReadsTheDeadManButtonReleased) {
+  for (const bool has_watchdog : {true, false}) {
+    DeviceConfig config = device_config();
+    config.dead_man_button = 0;
+    config.accepts_no_motor_watchdog = true;
+    Bench bench(config);
+    bench.device.has_watchdog(has_watchdog);
+    bench.answer_with(Vector3(1, 0, 0), 2ms);
+    bench.device.buttons = 1;
+    for (int i = 0; i < 100; ++i) bench.tick();
+    ASSERT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+    bench.clock.advance(30ms);
+    bench.device.buttons = 0;
+    const std::size_t writes = bench.device.writes.size();
+    for (int i = 0; i < 5; ++i) bench.tick();
+    EXPECT_EQ(newton_since(bench, writes), 0.0);
+    EXPECT_EQ(bench.ticks.back().guard, GuardState::kLimp);
+  }
+}
+
+TEST(DeviceNode, NoForceBeginsInTheTickThatFindsThePositionsStandingStill) {
+  DeviceConfig config = device_config();
+  Bench bench(config, false);
+  bench.device.position_m = Vector3(0.01, 0, 0);
+  bench.answer_with(Vector3(1, 0, 0), 2ms);
+  bench.node.acknowledge();
+  for (int i = 0; i < 25; ++i) bench.tick();
+  ASSERT_EQ(bench.node.counters().frozen_ticks, 0U);
+  ASSERT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+  bench.clock.advance(20ms);
+  const std::size_t writes = bench.device.writes.size();
+  for (int i = 0; i < 5; ++i) bench.tick();
+  EXPECT_GE(bench.node.counters().frozen_ticks, 5U);
+  EXPECT_EQ(newton_since(bench, writes), 0.0);
 }
 
 // The echo ends the force where the motors ended it.
@@ -1044,6 +1100,8 @@ TEST(DeviceNode, AnAcknowledgementFromADistanceIsNoDeadManButton) {
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
 }
 
+// A calibration makes the place where the handle is its home: a person puts it there only after the
+// prompt, which follows the reset of the fault.
 TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgement) {
   Bench bench(device_config(), false);
   bench.answer_with(Vector3(1, 0, 0));
@@ -1062,13 +1120,17 @@ TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgeme
     return bench.node.phase();
   };
 
-  bench.node.acknowledge();  // clears the fault; the device refuses its calibration
+  EXPECT_EQ(ticks(), DevicePhase::kFaulted);
+  bench.node.acknowledge();
   EXPECT_EQ(ticks(), DevicePhase::kConnected);
+  EXPECT_EQ(bench.device.calibrations, 0) << "nobody was asked for it yet";
+  EXPECT_EQ(bench.node.vain_acknowledgements(), 0U);
   bench.node.acknowledge();
   EXPECT_EQ(ticks(), DevicePhase::kConnected);
   EXPECT_EQ(bench.ticks.back().guard, GuardState::kLimp);
   EXPECT_EQ(bench.states.size(), sent) << "positions that cannot be relied on are not sent";
-  EXPECT_EQ(bench.device.calibrations, 2);
+  EXPECT_EQ(bench.device.calibrations, 1);
+  EXPECT_EQ(bench.node.vain_acknowledgements(), 1U) << "the device refused its calibration";
 
   bench.device.takes_calibration = true;
   bench.node.acknowledge();
@@ -1077,6 +1139,67 @@ TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgeme
   bench.node.acknowledge();
   EXPECT_EQ(ticks(), DevicePhase::kEnabled);
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+  EXPECT_EQ(bench.node.vain_acknowledgements(), 1U);
+}
+
+// As a hAPI board after a power cycle: its set-up is the first message that it answers.
+TEST(DeviceNode, ADeviceThatIsSilentUntilItIsCalibratedConfirmsItsReleaseThen) {
+  Bench bench(device_config(), false);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.node.acknowledge();
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.device.confirms_release = false;
+  bench.device.reopens = false;
+  bench.tick();
+  bench.node.acknowledge();
+  bench.tick();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kFaulted) << "it is not known to need a calibration";
+  EXPECT_EQ(bench.node.vain_acknowledgements(), 1U);
+
+  bench.device.phase_now = DevicePhase::kConnected;
+  bench.node.acknowledge();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kFaulted) << "others answer without one";
+  bench.device.answers_uncalibrated(false);
+  bench.node.acknowledge();
+  bench.tick();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kConnected);
+  EXPECT_EQ(bench.device.calibrations, 0);
+  EXPECT_TRUE(bench.node.counters().is_release_unconfirmed);
+  bench.device.fails_to_read = false;
+  bench.device.confirms_release = true;
+  bench.node.acknowledge();
+  EXPECT_FALSE(bench.node.counters().is_release_unconfirmed);
+  bench.tick();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kCalibrated);
+  EXPECT_EQ(bench.states.back().applied_count, 0U) << "the echo begins anew";
+  bench.node.acknowledge();
+  bench.tick();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
+  EXPECT_EQ(bench.node.counters().device_faults, 1U);
+}
+
+// The device has its calibration again when the person acknowledges the fault.
+TEST(DeviceNode, ADeviceThatLostItsCalibrationIsNotEnabledByTheResetOfTheFault) {
+  struct CalibratesItself : ScriptedDevice {
+    explicit CalibratesItself(const Clock& clock) : ScriptedDevice(clock, false) {}
+    [[nodiscard]] bool reopen(Duration /*within*/) noexcept override {
+      phase_now = DevicePhase::kCalibrated;
+      return true;
+    }
+  };
+  DeviceNodeBench<CalibratesItself> bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.node.acknowledge();
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.tick();
+  bench.device.fails_to_read = false;
+  bench.device.phase_now = DevicePhase::kConnected;
+  bench.node.acknowledge();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kCalibrated);
+  bench.node.acknowledge();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
 }
 
 // Its emulated kin answered no more, and six signals did not help: the port was that of before.

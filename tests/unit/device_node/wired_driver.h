@@ -102,8 +102,10 @@ void expect_release_confirmed_after(const std::vector<WireFault>& kinds, const O
     ASSERT_GT(emulated.motor_force_newton().norm(), 0.9);
 
     time.set(1500ms);
-    EXPECT_FALSE(device->read(sample));
     EXPECT_FALSE(device->release()) << "nothing confirmed it";
+    EXPECT_NE(device->last_error(), DeviceError::kNone) << "of the release";
+    EXPECT_FALSE(device->read(sample));
+    EXPECT_FALSE(device->release());
 
     time.set(3s);
     const TimePoint until = clock.now() + test::patience(20s);

@@ -770,6 +770,19 @@ TEST(SessionFile, ADecimalCommaIsNamed) {
   EXPECT_THAT(complaints("name: 'x', seed: 3, duration_s: 5"), SizeIs(0));
 }
 
+// An acceptance is to be named, so that whoever reads the session sees what it accepts.
+TEST(SessionFile, ANumberWhereANameBelongsIsRefused) {
+  EXPECT_THAT(complaints("name: \"x\"\ndevice { accept: 1 }"),
+              ElementsAre("x.txtpb: 1 problem",
+                          "x.txtpb:2:18: device.accept = 1: must be NO_MOTOR_WATCHDOG"));
+  EXPECT_THAT(complaints("name: 'x'\nmofc { mode: -1 }").at(1), HasSubstr("mofc.mode = -1: must"));
+  EXPECT_THAT(complaints("name: 'x'", {"device.accept=1"}).at(1),
+              HasSubstr("accept = 1: must be NO_MOTOR_WATCHDOG"));
+  EXPECT_THAT(complaints("name: 'x'", {"device={ accept: 1 }"}).at(1),
+              HasSubstr("must be NO_MOTOR_WATCHDOG"));
+  EXPECT_THAT(complaints("name: 'x'\ndevice { accept: NO_MOTOR_WATCHDOG }"), SizeIs(0));
+}
+
 TEST(SessionFile, AProblemOfABlockDoesNotQuoteIt) {
   const std::string text =
       complaints(

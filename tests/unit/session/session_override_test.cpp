@@ -143,9 +143,9 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"device[0].rate_hz=1", "device[0]: there is only one"},
       {"device=3", "device: cannot be read"},
       {"mofc.mode=fast", "mode = fast: must be paper, vector or guard"},
-      {"mofc.mode=7", "mofc.mode = 7: must be paper, vector or guard"},
+      {"mofc.mode=7", "mode = 7: must be paper, vector or guard"},
       {"mofc.controller=99",
-       "mofc.controller = 99: must be none, mofc, virtual_coupling, energy_bounding, "
+       "controller = 99: must be none, mofc, virtual_coupling, energy_bounding, "
        "force_bounding, passivity_control, memory_based, input_to_state, two_port, energy_tank, "
        "lyapunov or wave_variables"},
       {"seed=-1", "seed: cannot be read: a whole number without a sign is required"},
@@ -168,7 +168,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"mofc={ mode: fast }", "mode = fast: must be paper, vector or guard"},
       {"scene={ tissue [ {}, { spere {} } ] }",
        "no field 'spere' in Tissue; did you mean 'sphere'"},
-      {"realtime.wait=7", "realtime.wait = 7: must be hybrid, spin or block"},
+      {"realtime.wait=7", "wait = 7: must be hybrid, spin or block"},
       {"device.rate_hz=1kHz", "device.rate_hz: cannot be read: 1 kHz: units are not written"},
       {"device.rate_hz=1e3 Hz", "1e3 Hz: units are not written; give the number alone"},
       {"device={ rate_hz: 1kHz }", "device: cannot be read: 1 kHz: units are not written"},

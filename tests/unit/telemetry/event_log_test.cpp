@@ -77,7 +77,7 @@ TEST_F(EventLogTest, ADeviceFaultIsAnErrorWithItsReasonAndItsRemedyAndIsToldOnce
   events.note(counters, at(milliseconds(0)));
   EXPECT_EQ(lines(),
             "error event=device_fault reason=\"position jumped\" count=1 "
-            "remedy=\"clear the cause, then send SIGUSR2 to device_node\"\n");
+            "remedy=\"clear the cause, then send SIGUSR2 (event=acknowledge_with)\"\n");
   counters.fault_ticks = 500;
   events.note(counters, at(milliseconds(500)));
   EXPECT_EQ(lines(), "");
@@ -112,7 +112,7 @@ TEST_F(EventLogTest, ADeviceThatWaitsForAPersonSaysForWhat) {
   };
   EXPECT_THAT(lines_in(DevicePhase::kConnected),
               testing::MatchesRegex("warning event=device_phase phase=connected remedy=\"calibrate "
-                                    ".* then send SIGUSR2 to device_node\"\n"));
+                                    ".* then send SIGUSR2 .event=acknowledge_with.\"\n"));
   EXPECT_THAT(lines_in(DevicePhase::kCalibrated),
               testing::MatchesRegex("warning event=device_phase phase=calibrated remedy=\"no force "
                                     "yet.* SIGUSR2 .*\"\n"));
