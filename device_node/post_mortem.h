@@ -3,7 +3,6 @@
 // and out of it again, and computed once more. Not for the tick.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -14,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "common/telemetry/flight_recorder.h"
 #include "device_node/journal.h"
 
 namespace palpate::device {
@@ -24,10 +22,9 @@ namespace palpate::device {
 class PostMortem {
  public:
   static constexpr Duration kWindow = std::chrono::seconds(2);
-  /// For the flight recorder: not less than the longest window, nor than what it keeps anyway.
+  /// Of the longest window, for the flight recorder.
   [[nodiscard]] static std::size_t ticks_of_window(double rate_hz) {
-    const double ticks = rate_hz * to_seconds(kWindow + Journal::kStateEvery);
-    return std::max(kFlightRecorderTicks, static_cast<std::size_t>(ticks) + 1);
+    return static_cast<std::size_t>(rate_hz * to_seconds(kWindow + Journal::kStateEvery)) + 1;
   }
 
   /// Empties the journal's rings. Call it more often than every 0.5 s.

@@ -2,6 +2,7 @@
 #include "device_node/process.h"
 
 #include <unistd.h>
+#include <algorithm>
 
 #include <atomic>
 #include <chrono>
@@ -248,7 +249,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   Snapshot<DeviceCounters> counters;
   FlightRecorder<DeviceTick> recorder(
       flight_files(context, with_side(session.side().name, "device")),
-      PostMortem::ticks_of_window(session.side().device.rate_hz));
+      std::max(kFlightRecorderTicks, PostMortem::ticks_of_window(session.side().device.rate_hz)));
   RejectionLog refused(context.log, "force_command", exchange.refused);
   std::optional<PointerInput> pointer;
   if (session.side().hand.pointer && device->specification().is_simulated) {

@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/telemetry/flight_recorder.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
@@ -230,7 +229,7 @@ TEST(PostMortem, AFaultAtEightKilohertzIsComputedAgain) {
   ASSERT_TRUE(file.state.has_value());
   EXPECT_GE(file.entries.back().at - file.state->at, PostMortem::kWindow);
   EXPECT_GE(PostMortem::ticks_of_window(config.rate_hz), 20'000U);
-  EXPECT_EQ(PostMortem::ticks_of_window(50.0), kFlightRecorderTicks);
+  EXPECT_LE(PostMortem::ticks_of_window(50.0), 200U);
 }
 
 // The state that a file begins with is one whose next entry is there.
