@@ -2,8 +2,8 @@
 #include "device_node/process.h"
 
 #include <unistd.h>
-#include <algorithm>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <optional>
