@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What led to a fault is in one file, and the fault is computed again from it.
 #include "device_node/post_mortem.h"
+#include "common/telemetry/flight_recorder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
