@@ -97,6 +97,8 @@ struct SceneConfig {
       0.0;  ///< from the centre of the tip to the handle, along +z of T; 0: no shaft
   double shaft_radius_m = 0.0;
   std::vector<TissueConfig> tissues;
+
+  [[nodiscard]] ToolShape tool() const { return {tip_radius_m, shaft_length_m, shaft_radius_m}; }
 };
 
 /// Thins hop 3: an Interaction is sent when the receiver's force is off, or after `keep_alive`.

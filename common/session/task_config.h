@@ -39,17 +39,35 @@ struct PalpationTask {
 /// Nothing is looked for.
 struct FreeTask {};
 
+/// A tissue that a needle goes through: at rest, a simple shape that a tip can puncture.
+struct NeedleLayer {
+  std::uint32_t tissue = 0;  ///< index in the scene
+  std::string name{};
+  Geometry geometry{};  ///< never a FileGeometry
+  KelvinVoigtMaterial material{};
+  bool is_spared = false;  ///< must not be punctured
+};
+
+/// Push a needle through layers until the resistance is lost.
+struct NeedleTask {
+  std::vector<NeedleLayer> layers{};         ///< at least one; the outermost first
+  std::size_t membrane = 0;                  ///< index in layers: the one to be passed
+  Vector3 direction = Vector3(0, 0, -1);     ///< of the insertion, unit; W
+  std::optional<double> most_overshoot_m{};  ///< behind the membrane; none: no limit
+};
+
 struct TaskConfig {
   std::string briefing{};
   bool is_started_by_person = false;  ///< else with the first tick
   std::optional<double> time_s{};     ///< none: no limit
   std::optional<double> most_force_newton{};
   std::optional<std::uint32_t> mark_button{};
-  std::variant<FreeTask, PalpationTask> kind{};
+  std::variant<FreeTask, PalpationTask, NeedleTask> kind{};
 
   [[nodiscard]] const PalpationTask* palpation() const { return std::get_if<PalpationTask>(&kind); }
+  [[nodiscard]] const NeedleTask* needle() const { return std::get_if<NeedleTask>(&kind); }
   /// Whether it must not be told where things are before it has ended.
-  [[nodiscard]] bool hides_lesions() const { return palpation() != nullptr; }
+  [[nodiscard]] bool hides_places() const { return !std::holds_alternative<FreeTask>(kind); }
 };
 
 }  // namespace palpate

@@ -14,45 +14,38 @@ constexpr double kMarkMemory_s = 3.0;  // a mark is where the tip has touched la
 constexpr double kFar_m = 0.1;         // of a tip from the surface at rest
 constexpr double kSameFoot_m = 1e-4;   // a smaller motion has the same place on the surface
 
-constexpr double kForceBin_newton = 0.005;
-constexpr std::size_t kForceBins = 10'000;
 constexpr double kDepthBin_m = 2e-5;
 constexpr std::size_t kDepthBins = 5'000;
 
-ForceFigures figures_of(const Histogram& forces, double touch_s) {
-  return {.median_newton = forces.quantile(0.5),
-          .p95_newton = forces.quantile(0.95),
-          .most_newton = forces.max(),
-          .touch_s = touch_s};
+TaskState::Kind kind_of(const TaskConfig& task) {
+  if (task.palpation() != nullptr) return TaskState::Kind::kPalpation;
+  return task.needle() != nullptr ? TaskState::Kind::kNeedle : TaskState::Kind::kFree;
 }
 
 }  // namespace
 
-TaskEvaluator::TaskEvaluator(const TaskConfig& task, double tip_radius_m, Options options)
-    : task_(task),
-      tip_radius_m_(tip_radius_m),
-      options_(options),
-      forces_(kForceBin_newton, kForceBins),
-      depths_(kDepthBin_m, kDepthBins) {
-  score_.is_search = palpation() != nullptr;
+TaskEvaluator::TaskEvaluator(const TaskConfig& task, const ToolShape& tool, Options options)
+    : task_(task), tool_(tool), options_(options), depths_(kDepthBin_m, kDepthBins) {
+  score_.kind = kind_of(task_);
   score_.limit_s = task_.time_s.value_or(kNotKnown);
   score_.most_force_newton = task_.most_force_newton.value_or(kNotKnown);
   if (task_.most_force_newton) {
     score_.overshoot_newton = score_.beyond_s = score_.damage_newton_s = 0.0;
   }
+  if (const NeedleTask* needle = task_.needle()) needle_.emplace(*needle, tool);
   if (palpation() == nullptr) return;
   score_.least_force_newton = palpation()->least_force_newton;
   for (const TaskTarget& target : palpation()->targets) {
     score_.targets.push_back({.name = target.name,
                               .palpable_newton = target.palpable_newton,
                               .contrast_ratio = target.contrast_ratio});
-    regions_.push_back({.within_m = std::max(target.radius_m, palpation()->coverage_radius_m),
-                        .forces = {kForceBin_newton, kForceBins}});
+    regions_.push_back({.within_m = std::max(target.radius_m, palpation()->coverage_radius_m)});
   }
-  regions_.push_back({.forces = {kForceBin_newton, kForceBins}});
+  regions_.emplace_back();
 }
 
 void TaskEvaluator::take(const SceneState& scene) {
+  if (needle_) needle_->take(scene);
   if (surface_ || palpation() == nullptr || palpation()->tissue >= scene.tissues.size()) return;
   auto surface = std::make_unique<SearchedSurface>(
       scene.tissues[palpation()->tissue].mesh, palpation()->area, palpation()->coverage_radius_m);
@@ -88,7 +81,8 @@ void TaskEvaluator::take(const TickRow& row) {
                       .t_s = to_seconds(tick.sampled_at.time_since_epoch()),
                       .tip_m = tick.measured_tool_position_world_m,
                       .newton = tick.force_on_hand_newton.norm(),
-                      .buttons = tick.buttons});
+                      .buttons = tick.buttons,
+                      .shaft = tick.measured_tool_orientation_world * Vector3::UnitZ()});
   process_due(false);
 }
 
@@ -116,7 +110,11 @@ void TaskEvaluator::process_due(bool is_last) {
 void TaskEvaluator::process(const Sample& sample) {
   if (last_ && last_->session_id != sample.session_id) {
     past_.insert(last_->session_id);
+    if (needle_) needle_->reset();
     if (phase_ == TaskState::Phase::kRunning) ++score_.device_restarts;
+  }
+  if (needle_) {
+    needle_->follow({.tip_m = sample.tip_m, .shaft = sample.shaft, .time_s = sample.t_s});
   }
   const bool begins_with_run = options_.starts_with_run || !task_.is_started_by_person;
   if (phase_ == TaskState::Phase::kWaiting && begins_with_run) {
@@ -143,9 +141,13 @@ void TaskEvaluator::process(const Sample& sample) {
   ++score_.ticks;
   score_.time_s = sample.t_s - begin_s_;
   motion_.add(sample.t_s, sample.tip_m);
+  if (needle_) {
+    const double newton = sample.newton >= kTouch_newton ? sample.newton : 0.0;
+    needle_->count(score_.time_s, newton, elapsed_s);
+  }
   if (sample.newton >= kTouch_newton) press(sample, elapsed_s);
   judge_force(sample.newton, elapsed_s);
-  if (palpation() != nullptr && task_.mark_button) {
+  if (has_marks() && task_.mark_button) {
     const std::uint32_t bit = 1U << *task_.mark_button;
     const bool was_held = last_ && (last_->buttons & bit) != 0;
     if ((sample.buttons & bit) != 0 && !was_held) mark(sample.t_s, "button");
@@ -168,7 +170,7 @@ void TaskEvaluator::apply_markers(const Sample& sample) {
     switch (marker.kind) {
       case Marker::Kind::kNote:
         --notes_waiting_;
-        if (phase_ == TaskState::Phase::kRunning && palpation() != nullptr) {
+        if (phase_ == TaskState::Phase::kRunning && has_marks()) {
           mark(last_ ? last_->t_s : sample.t_s, marker.origin);
         }
         break;
@@ -207,13 +209,12 @@ const std::optional<SearchedSurface::Foot>& TaskEvaluator::foot_of(const Vector3
 
 /// @param elapsed_s  that the tick stands for
 void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
-  forces_.add(sample.newton);
-  touch_s_ += elapsed_s;
+  forces_.add(sample.newton, elapsed_s);
   if (!surface_) return;
   const auto& foot = foot_of(sample.tip_m);
   if (!foot) return;
   touch_ = Touch{sample.t_s, *foot};
-  depths_.add(std::max(0.0, tip_radius_m_ - foot->normal.dot(sample.tip_m - foot->point_m)));
+  depths_.add(std::max(0.0, tool_.tip_radius_m - foot->normal.dot(sample.tip_m - foot->point_m)));
   const bool is_elsewhere_now = !((foot->point_m - searched_m_).norm() < kSameFoot_m);
   if (sample.newton >= palpation()->least_force_newton && is_elsewhere_now) {
     surface_->search(foot->point_m);
@@ -228,8 +229,7 @@ void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
             : region.above_m && (foot->point_m - *region.above_m).norm() <= region.within_m;
     if (!is_here) continue;
     is_over = true;
-    region.forces.add(sample.newton);
-    region.touch_s += elapsed_s;
+    region.forces.add(sample.newton, elapsed_s);
   }
 }
 
@@ -244,6 +244,32 @@ void TaskEvaluator::judge_force(double newton, double elapsed_s) {
 
 void TaskEvaluator::mark(double t_s, const std::string& origin) {
   MarkScore mark{.t_s = t_s - begin_s_, .origin = origin};
+  if (needle_) {
+    mark_loss_of_resistance(mark);
+  } else {
+    mark_find(mark, t_s);
+  }
+  score_.marks.push_back(std::move(mark));
+}
+
+void TaskEvaluator::mark_loss_of_resistance(MarkScore& mark) {
+  switch (needle_->mark(mark.t_s)) {
+    case NeedleInsertion::Mark::kTooEarly:
+      mark.outcome = MarkScore::Outcome::kFalseAlarm;
+      return;
+    case NeedleInsertion::Mark::kFirst:
+      mark.outcome = MarkScore::Outcome::kFind;
+      break;
+    case NeedleInsertion::Mark::kRepeated:
+      mark.outcome = MarkScore::Outcome::kRepeated;
+      break;
+  }
+  const NeedleScore& score = needle_->score();
+  mark.target = score.layers[score.membrane].name;
+}
+
+/// @param t_s  of the sample
+void TaskEvaluator::mark_find(MarkScore& mark, double t_s) {
   const bool has_place = touch_ && t_s - touch_->t_s <= kMarkMemory_s;
   std::size_t best = score_.targets.size();
   double best_m = 0.0;
@@ -255,37 +281,39 @@ void TaskEvaluator::mark(double t_s, const std::string& origin) {
     best = i;
     best_m = distance_m;
   }
-  if (best < score_.targets.size()) {
-    TargetScore& target = score_.targets[best];
-    mark.target = target.name;
-    const double most_newton = regions_[best].forces.max();
-    const bool can_be_felt =
-        !std::isfinite(target.palpable_newton) || most_newton >= target.palpable_newton;
-    if (target.outcome == TargetScore::Outcome::kFound) {
-      mark.outcome = MarkScore::Outcome::kRepeated;
-    } else if (can_be_felt) {
-      mark.outcome = MarkScore::Outcome::kFind;
-      target.outcome = TargetScore::Outcome::kFound;
-      target.found_after_s = mark.t_s;
-      target.mark_distance_m = best_m;
-    } else {
-      mark.outcome = MarkScore::Outcome::kGuess;
-      target.outcome = TargetScore::Outcome::kGuessed;
-    }
+  if (best == score_.targets.size()) return;
+  TargetScore& target = score_.targets[best];
+  mark.target = target.name;
+  const double most_newton = regions_[best].forces.most_newton();
+  const bool can_be_felt =
+      !std::isfinite(target.palpable_newton) || most_newton >= target.palpable_newton;
+  if (target.outcome == TargetScore::Outcome::kFound) {
+    mark.outcome = MarkScore::Outcome::kRepeated;
+  } else if (can_be_felt) {
+    mark.outcome = MarkScore::Outcome::kFind;
+    target.outcome = TargetScore::Outcome::kFound;
+    target.found_after_s = mark.t_s;
+    target.mark_distance_m = best_m;
+  } else {
+    mark.outcome = MarkScore::Outcome::kGuess;
+    target.outcome = TargetScore::Outcome::kGuessed;
   }
-  score_.marks.push_back(std::move(mark));
 }
 
 void TaskEvaluator::complete_score() {
   motion_.finish();
   score_.path_m = motion_.path_m();
   score_.smoothness = motion_.log_dimensionless_jerk();
-  score_.force = figures_of(forces_, touch_s_);
+  score_.force = forces_.figures();
+  if (needle_) {
+    needle_->finish();
+    score_.needle = needle_->score();
+  }
   if (palpation() == nullptr) return;
   for (std::size_t i = 0; i < score_.targets.size(); ++i) {
-    score_.targets[i].force = figures_of(regions_[i].forces, regions_[i].touch_s);
+    score_.targets[i].force = regions_[i].forces.figures();
   }
-  score_.elsewhere = figures_of(regions_.back().forces, regions_.back().touch_s);
+  score_.elsewhere = regions_.back().forces.figures();
   if (!surface_) return;
   score_.coverage_ratio = surface_->searched_ratio();
   score_.depth_p95_m = depths_.quantile(0.95);
@@ -295,7 +323,7 @@ void TaskEvaluator::complete_score() {
 TaskState TaskEvaluator::state() const {
   TaskState state{.phase = phase_,
                   .briefing = task_.briefing,
-                  .is_search = palpation() != nullptr,
+                  .kind = score_.kind,
                   .time_s = task_.time_s.value_or(0.0)};
   if (score_.end == TaskScore::End::kRunning) {
     const double newest_s = pending_.empty() ? begin_s_ + score_.time_s : pending_.back().t_s;

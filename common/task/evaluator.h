@@ -17,9 +17,12 @@
 #include <vector>
 
 #include "common/core/scene_messages.h"
+#include "common/core/tissue.h"
 #include "common/session/task_config.h"
+#include "common/task/force_figures.h"
 #include "common/task/hand_motion.h"
 #include "common/task/histogram.h"
+#include "common/task/needle_insertion.h"
 #include "common/task/score.h"
 #include "common/task/searched_surface.h"
 #include "common/telemetry/run_messages.h"
@@ -36,16 +39,17 @@ class TaskEvaluator {
     bool ignores_sessions = false;
   };
 
-  TaskEvaluator(const TaskConfig& task, double tip_radius_m, Options options);
-  TaskEvaluator(const TaskConfig& task, double tip_radius_m)
-      : TaskEvaluator(task, tip_radius_m, Options()) {}
+  TaskEvaluator(const TaskConfig& task, const ToolShape& tool, Options options);
+  TaskEvaluator(const TaskConfig& task, const ToolShape& tool)
+      : TaskEvaluator(task, tool, Options()) {}
 
   /// Options::ignores_sessions from now on.
   void ignore_sessions() { options_.ignores_sessions = true; }
 
   /// Rows in order. After the end they change nothing.
   void take(const TickRow& row);
-  /// The first one with triangles counts. @param scene  not one of which lesions are hidden
+  /// Of a search the first one with triangles counts. @param scene  not one of which lesions are
+  /// hidden
   void take(const SceneState& scene);
   /// All markers of the run so far, oldest first, as in RunState.
   void take(const std::vector<Marker>& markers);
@@ -70,6 +74,7 @@ class TaskEvaluator {
     Vector3 tip_m = Vector3::Zero();
     double newton = 0.0;
     std::uint32_t buttons = 0;
+    Vector3 shaft = Vector3::UnitZ();  // from the tip to the handle
   };
   struct Touch {
     double t_s = 0.0;
@@ -78,8 +83,7 @@ class TaskEvaluator {
   struct Region {
     std::optional<Vector3> above_m{};  // of a target: the place on the surface above its centre
     double within_m = 0.0;
-    Histogram forces;
-    double touch_s = 0.0;
+    ForceCount forces{};
   };
 
   void process_due(bool is_last);
@@ -88,6 +92,8 @@ class TaskEvaluator {
   void begin(const Sample& sample);
   void end(TaskScore::End how);
   void mark(double t_s, const std::string& origin);
+  void mark_find(MarkScore& mark, double t_s);
+  void mark_loss_of_resistance(MarkScore& mark);
   void press(const Sample& sample, double elapsed_s);
   [[nodiscard]] const std::optional<SearchedSurface::Foot>& foot_of(const Vector3& tip_m);
   void judge_force(double newton, double elapsed_s);
@@ -95,16 +101,18 @@ class TaskEvaluator {
 
   /// Null: nothing is looked for.
   [[nodiscard]] const PalpationTask* palpation() const { return task_.palpation(); }
+  /// A mark of the person says something.
+  [[nodiscard]] bool has_marks() const { return palpation() != nullptr || needle_.has_value(); }
 
   TaskConfig task_;
-  double tip_radius_m_;
+  ToolShape tool_;
   Options options_;
   std::unique_ptr<SearchedSurface> surface_;
   std::vector<Region> regions_;  // of the targets, then elsewhere
-  Histogram forces_;
+  std::optional<NeedleInsertion> needle_{};
+  ForceCount forces_;
   Histogram depths_;
   HandMotion motion_;
-  double touch_s_ = 0.0;
 
   std::deque<Sample> pending_;
   std::uint64_t newest_session_ = 0;  // of what was taken

@@ -13,13 +13,6 @@
 namespace palpate {
 namespace {
 
-nlohmann::ordered_json force_json(const ForceFigures& force) {
-  return {{"median_n", number_or_null(force.median_newton)},
-          {"p95_n", number_or_null(force.p95_newton)},
-          {"most_n", number_or_null(force.most_newton)},
-          {"touch_s", force.touch_s}};
-}
-
 std::string finding_of(const TargetScore& target) {
   const double most = target.force.most_newton;
   const bool is_known = std::isfinite(target.palpable_newton);
@@ -48,12 +41,6 @@ std::string finding_of(const TargetScore& target) {
                      target.name, most, is_known ? ", which is enough to feel it" : "");
 }
 
-std::string force_value(const ForceFigures& force) {
-  if (!std::isfinite(force.most_newton)) return "never touched";
-  return fmt::format("{:.2f} N median, {:.2f} N at 95 %, {:.2f} N at most", force.median_newton,
-                     force.p95_newton, force.most_newton);
-}
-
 std::string end_text(TaskScore::End end) {
   switch (end) {
     case TaskScore::End::kStopped:
@@ -67,9 +54,25 @@ std::string end_text(TaskScore::End end) {
   }
 }
 
+nlohmann::ordered_json marks_json(const TaskScore& score) {
+  auto marks = nlohmann::ordered_json::array();
+  for (const MarkScore& mark : score.marks) {
+    marks.push_back({{"t_s", mark.t_s},
+                     {"origin", mark.origin},
+                     {"outcome", name(mark.outcome)},
+                     {"target", mark.target}});
+  }
+  return marks;
+}
+
 constexpr double kSaid = 1e-4;  // a smaller share of missing telemetry is 0.0 %
 
 }  // namespace
+
+const char* name(TaskState::Kind kind) {
+  constexpr std::array<const char*, 3> kNames{"free", "palpation", "needle"};
+  return kNames[static_cast<std::size_t>(kind)];
+}
 
 const char* name(TargetScore::Outcome outcome) {
   constexpr std::array<const char*, 3> kNames{"missed", "guessed", "found"};
@@ -108,7 +111,7 @@ std::vector<std::string> findings_of(const TaskScore& score) {
                     100.0 * score.missing_ratio(),
                     score.device_restarts > 0 ? ", and the device was started again" : ""));
   }
-  if (score.is_search) {
+  if (score.is_search()) {
     if (score.targets.empty()) {
       findings.push_back(score.marks.empty() ? "There was nothing to find, and you marked nothing."
                                              : "There was nothing to find.");
@@ -129,6 +132,13 @@ std::vector<std::string> findings_of(const TaskScore& score) {
           "What part of the surface you searched is not known: the surface was not received.");
     }
   }
+  if (score.needle) {
+    for (std::string& finding : findings_of(*score.needle)) findings.push_back(std::move(finding));
+    if (const std::size_t early = score.count(MarkScore::Outcome::kFalseAlarm); early > 0) {
+      findings.push_back(fmt::format("{} {} set before the resistance was lost.", early,
+                                     early == 1 ? "mark was" : "marks were"));
+    }
+  }
   if (score.overshoot_newton > 0.0) {
     findings.push_back(fmt::format(
         "You pressed too hard: up to {:.1f} N, {:.1f} N beyond the limit, for {:.1f} s.",
@@ -147,7 +157,7 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
       fmt::format(
           "{:.1f} s, {}{}", score.time_s, end_text(score.end),
           std::isfinite(score.limit_s) ? fmt::format(" (limit {:.0f} s)", score.limit_s) : ""));
-  if (score.is_search) {
+  if (score.is_search()) {
     add("found",
         fmt::format("{} of {}", score.count(TargetScore::Outcome::kFound), score.targets.size()));
     add("false alarms", std::to_string(score.count(MarkScore::Outcome::kFalseAlarm)));
@@ -157,11 +167,14 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
                                       score.least_force_newton)
                         : "not known");
   }
-  add("force", force_value(score.force));
-  for (const TargetScore& target : score.targets) {
-    add("force over " + target.name, force_value(target.force));
+  if (score.needle) {
+    for (auto& [label, value] : figures_of(*score.needle)) add(label, std::move(value));
   }
-  if (!score.targets.empty()) add("force elsewhere", force_value(score.elsewhere));
+  add("force", force_text(score.force));
+  for (const TargetScore& target : score.targets) {
+    add("force over " + target.name, force_text(target.force));
+  }
+  if (!score.targets.empty()) add("force elsewhere", force_text(score.elsewhere));
   if (std::isfinite(score.depth_most_m)) {
     add("depth", fmt::format("{:.1f} mm at 95 %, {:.1f} mm at most", 1e3 * score.depth_p95_m,
                              1e3 * score.depth_most_m));
@@ -184,20 +197,34 @@ std::string score_text(const TaskScore& score) {
   std::string text = "task\n";
   for (const std::string& finding : findings_of(score)) text += "  " + finding + "\n";
   for (const auto& [label, value] : figures_of(score)) {
-    text += fmt::format("  {:<20}{}\n", label, value);
+    text += fmt::format("  {:<22}{}\n", label, value);
   }
   return text;
+}
+
+nlohmann::ordered_json state_json(const TaskState& state) {
+  constexpr std::array<const char*, 3> kPhases{"waiting", "running", "ended"};
+  nlohmann::ordered_json json{
+      {"kind", name(state.kind)},
+      {"phase", kPhases[static_cast<std::size_t>(state.phase)]},
+      {"elapsed_s", state.elapsed_s},
+      {"time_s", number_or_null(state.time_s > 0.0 ? state.time_s : kNotKnown)},
+      {"marks", state.marks},
+      {"findings", state.findings}};
+  json["figures"] = nlohmann::ordered_json::object();
+  for (const auto& [label, value] : state.figures) json["figures"][label] = value;
+  return json;
 }
 
 nlohmann::ordered_json score_json(const TaskScore& score) {
   constexpr std::array<const char*, 5> kEnds{"not_started", "running", "stopped", "time_up",
                                              "run_ended"};
   nlohmann::ordered_json json;
-  json["kind"] = score.is_search ? "palpation" : "free";
+  json["kind"] = name(score.kind);
   json["end"] = kEnds[static_cast<std::size_t>(score.end)];
   json["time_s"] = score.time_s;
   json["limit_s"] = number_or_null(score.limit_s);
-  if (score.is_search) {
+  if (score.is_search()) {
     json["targets"] = nlohmann::ordered_json::array();
     for (const TargetScore& target : score.targets) {
       json["targets"].push_back({{"name", target.name},
@@ -208,13 +235,7 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
                                  {"contrast_ratio", number_or_null(target.contrast_ratio)},
                                  {"force", force_json(target.force)}});
     }
-    json["marks"] = nlohmann::ordered_json::array();
-    for (const MarkScore& mark : score.marks) {
-      json["marks"].push_back({{"t_s", mark.t_s},
-                               {"origin", mark.origin},
-                               {"outcome", name(mark.outcome)},
-                               {"target", mark.target}});
-    }
+    json["marks"] = marks_json(score);
     json["found"] = score.count(TargetScore::Outcome::kFound);
     json["guessed"] = score.count(TargetScore::Outcome::kGuessed);
     json["missed"] = score.count(TargetScore::Outcome::kMissed);
@@ -225,6 +246,11 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
     json["force_elsewhere"] = force_json(score.elsewhere);
     json["depth_p95_m"] = number_or_null(score.depth_p95_m);
     json["depth_most_m"] = number_or_null(score.depth_most_m);
+  }
+  if (score.needle) {
+    add_json(*score.needle, json);
+    json["marks"] = marks_json(score);
+    json["false_alarms"] = score.count(MarkScore::Outcome::kFalseAlarm);
   }
   json["force"] = force_json(score.force);
   json["path_m"] = score.path_m;

@@ -4,23 +4,17 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "common/task/force_figures.h"
+#include "common/task/needle_score.h"
+#include "common/telemetry/run_messages.h"
+
 namespace palpate {
-
-inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
-
-/// Forces on the hand while it touches. NaN where it never did.
-struct ForceFigures {
-  double median_newton = kNotKnown;
-  double p95_newton = kNotKnown;
-  double most_newton = kNotKnown;
-  double touch_s = 0.0;
-};
 
 /// One lesion.
 struct TargetScore {
@@ -42,22 +36,22 @@ struct TargetScore {
 /// One mark of the person.
 struct MarkScore {
   enum class Outcome : std::uint8_t {
-    kFind,
+    kFind,        ///< of a lesion; with a needle, of the loss of resistance
     kGuess,       ///< TargetScore::Outcome::kGuessed
     kRepeated,    ///< of a lesion that is found already
-    kFalseAlarm,  ///< where there is nothing, or without a touch
+    kFalseAlarm,  ///< where there is nothing, or without a touch; before the loss of resistance
   };
   double t_s = 0.0;  ///< since the start
   std::string origin{};
   Outcome outcome = Outcome::kFalseAlarm;
-  std::string target{};  ///< the lesion; empty: none
+  std::string target{};  ///< the lesion or the membrane; empty: none
 };
 [[nodiscard]] const char* name(MarkScore::Outcome outcome);
 
 struct TaskScore {
   enum class End : std::uint8_t { kNotStarted, kRunning, kStopped, kTimeUp, kRunEnded };
 
-  bool is_search = false;
+  TaskState::Kind kind = TaskState::Kind::kFree;
   End end = End::kNotStarted;
   double time_s = 0.0;
   double limit_s = kNotKnown;
@@ -70,6 +64,7 @@ struct TaskScore {
   ForceFigures elsewhere{};  ///< away from all lesions
   double depth_p95_m = kNotKnown;
   double depth_most_m = kNotKnown;
+  std::optional<NeedleScore> needle{};  ///< of a needle
   // of every task
   ForceFigures force{};
   double path_m = 0.0;
@@ -85,14 +80,20 @@ struct TaskScore {
 
   [[nodiscard]] std::size_t count(TargetScore::Outcome outcome) const;
   [[nodiscard]] std::size_t count(MarkScore::Outcome outcome) const;
+  [[nodiscard]] bool is_search() const { return kind == TaskState::Kind::kPalpation; }
   /// Share of the ticks of the task whose telemetry is missing; 0 without ticks.
   [[nodiscard]] double missing_ratio() const;
 };
+
+[[nodiscard]] const char* name(TaskState::Kind kind);
 
 /// One sentence each, the most important first; of a task that did not start one that says so.
 [[nodiscard]] std::vector<std::string> findings_of(const TaskScore& score);
 /// Label and value with unit.
 [[nodiscard]] std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& score);
+/// How far a task is, as /task of viewer_node tells it: phase, elapsed_s, time_s, marks, and after
+/// the end findings and figures. It tells nothing about places before.
+[[nodiscard]] nlohmann::ordered_json state_json(const TaskState& state);
 /// Sentences and figures for a terminal.
 [[nodiscard]] std::string score_text(const TaskScore& score);
 /// Keys: docs/tasks.md. NaN becomes null.

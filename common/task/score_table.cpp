@@ -47,6 +47,26 @@ std::string csv_number(double value) {
   return std::isfinite(value) ? fmt::format("{:.9g}", value) : "";
 }
 
+/// The last column of a table.
+std::string needle_text(const std::optional<NeedleScore>& needle) {
+  if (!needle) return "";
+  const std::string outcome = std::string("  ") + name(needle->outcome());
+  if (!(needle->overshoot_m > 0.0)) return outcome;
+  return outcome + fmt::format(", {:.1f} mm behind", 1e3 * needle->overshoot_m);
+}
+
+/// The last columns; empty without a needle.
+std::string needle_cells(const std::optional<NeedleScore>& needle) {
+  if (!needle) return ",,,,,,";
+  std::string cells = name(needle->outcome());
+  for (const double value :
+       {needle->layers[needle->membrane].punctured_after_s, needle->told_after_s,
+        needle->depth_most_m, needle->sideways_m, needle->overshoot_m, needle->end_behind_m}) {
+    cells += ',' + csv_number(value);
+  }
+  return cells;
+}
+
 /// The end of the path, which tells runs apart.
 std::string short_name(const std::string& run) {
   return std::filesystem::path(run).filename().string();
@@ -72,7 +92,7 @@ DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
   DetectionFigures figures;
   for (const NamedScore& one : scores) {
     const TaskScore& score = one.score;
-    if (!score.is_search || score.end == TaskScore::End::kNotStarted) continue;
+    if (!score.is_search() || score.end == TaskScore::End::kNotStarted) continue;
     ++figures.runs;
     figures.false_alarms += score.count(MarkScore::Outcome::kFalseAlarm);
     figures.sensitivity.hits += score.count(TargetScore::Outcome::kFound);
@@ -86,22 +106,26 @@ DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
 
 std::string table_text(const std::vector<NamedScore>& scores) {
   std::size_t width = 3;
+  const bool has_needle = std::any_of(scores.begin(), scores.end(), [](const NamedScore& one) {
+    return one.score.needle.has_value();
+  });
   for (const NamedScore& one : scores) width = std::max(width, short_name(one.run).size());
   std::string text =
-      fmt::format("{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}\n",
+      fmt::format("{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}{}\n",
                   "run", width, "found", "guessed", "alarms", "time s", "cover %", "F50 N", "F95 N",
-                  "Fmax N", "path m", "beyond N", "missing%");
+                  "Fmax N", "path m", "beyond N", "missing%", has_needle ? "  needle" : "");
   for (const NamedScore& one : scores) {
     const TaskScore& s = one.score;
     text += fmt::format(
-        "{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}\n",
+        "{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}{}\n",
         short_name(one.run), width,
         fmt::format("{}/{}", s.count(TargetScore::Outcome::kFound), s.targets.size()),
         s.count(TargetScore::Outcome::kGuessed), s.count(MarkScore::Outcome::kFalseAlarm),
         figure(s.time_s, "{:.1f}"), figure(100.0 * s.coverage_ratio, "{:.1f}"),
         figure(s.force.median_newton, "{:.2f}"), figure(s.force.p95_newton, "{:.2f}"),
         figure(s.force.most_newton, "{:.2f}"), figure(s.path_m, "{:.3f}"),
-        figure(s.overshoot_newton, "{:.2f}"), figure(100.0 * s.missing_ratio(), "{:.2f}"));
+        figure(s.overshoot_newton, "{:.2f}"), figure(100.0 * s.missing_ratio(), "{:.2f}"),
+        needle_text(s.needle));
   }
   return text + detection_text(detection_of(scores));
 }
@@ -142,14 +166,14 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
   std::string csv =
       "run,kind,targets,found,guessed,missed,false_alarms,time_s,coverage_ratio,force_median_n,"
       "force_p95_n,force_most_n,touch_s,depth_p95_m,depth_most_m,path_m,smoothness,overshoot_n,"
-      "beyond_s,damage_n_s,missing_ratio\n";
+      "beyond_s,damage_n_s,missing_ratio,outcome,punctured_after_s,told_after_s,insertion_depth_m,"
+      "sideways_m,overshoot_m,end_behind_m\n";
   for (const NamedScore& one : scores) {
     const TaskScore& s = one.score;
-    csv +=
-        fmt::format("{},{},{},{},{},{},{},", csv_cell(one.run), s.is_search ? "palpation" : "free",
-                    s.targets.size(), s.count(TargetScore::Outcome::kFound),
-                    s.count(TargetScore::Outcome::kGuessed), s.count(TargetScore::Outcome::kMissed),
-                    s.count(MarkScore::Outcome::kFalseAlarm));
+    csv += fmt::format(
+        "{},{},{},{},{},{},{},", csv_cell(one.run), name(s.kind), s.targets.size(),
+        s.count(TargetScore::Outcome::kFound), s.count(TargetScore::Outcome::kGuessed),
+        s.count(TargetScore::Outcome::kMissed), s.count(MarkScore::Outcome::kFalseAlarm));
     const auto add = [&](double value, char after) { csv += csv_number(value) + after; };
     for (const double value :
          {s.time_s, s.coverage_ratio, s.force.median_newton, s.force.p95_newton,
@@ -157,7 +181,8 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
           s.smoothness, s.overshoot_newton, s.beyond_s, s.damage_newton_s}) {
       add(value, ',');
     }
-    add(s.missing_ratio(), '\n');
+    add(s.missing_ratio(), ',');
+    csv += needle_cells(s.needle) + '\n';
   }
   return csv;
 }

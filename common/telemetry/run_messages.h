@@ -21,7 +21,7 @@ namespace palpate {
 struct Marker {
   /// Values as in run.proto.
   enum class Kind : std::uint8_t {
-    kNote = 0,       ///< while a palpation task runs: a find
+    kNote = 0,       ///< while a task runs: a find, or that the resistance is lost
     kTaskStart = 1,  ///< the first of a run counts
     kTaskStop = 2,
   };
@@ -80,13 +80,18 @@ struct RunRequest {
   [[nodiscard]] bool is_for_run() const { return marker || seek_s || is_paused || speed_ratio; }
 };
 
-/// How far the task of a session is, for a page. It tells nothing about lesions before the end.
+/// How far the task of a session is, for a page. It tells nothing about places before the end.
 struct TaskState {
   enum class Phase : std::uint8_t { kWaiting = 0, kRunning = 1, kEnded = 2 };
+  enum class Kind : std::uint8_t {
+    kFree = 0,
+    kPalpation = 1,  ///< a note is a find
+    kNeedle = 2,     ///< a note says that the resistance is lost
+  };
 
   Phase phase = Phase::kWaiting;
   std::string briefing{};
-  bool is_search = false;  ///< a palpation: notes are finds
+  Kind kind = Kind::kFree;
   double elapsed_s = 0.0;
   double time_s = 0.0;  ///< limit; 0: none
   std::uint32_t marks = 0;

@@ -79,7 +79,7 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
 
   std::optional<TaskEvaluator> task;
   if (session.task && options.task_score != nullptr) {
-    task.emplace(*session.task, session.scene.tip_radius_m,
+    task.emplace(*session.task, session.scene.tool(),
                  TaskEvaluator::Options{.starts_with_run = true});
     task->take(lockstep_scene(session));
   }

@@ -63,11 +63,7 @@ void add_contact(const Contact& contact, SceneForce& sum) noexcept {
   keep_deepest(contact, sum);
 }
 
-Scene::Scene(const SceneConfig& config, double reach_m)
-    : tool_{.tip_radius_m = config.tip_radius_m,
-            .shaft_length_m = config.shaft_length_m,
-            .shaft_radius_m = config.shaft_radius_m},
-      reach_m_(reach_m) {
+Scene::Scene(const SceneConfig& config, double reach_m) : tool_(config.tool()), reach_m_(reach_m) {
   std::vector<BoxTree::Item> items;
   std::set<const FileSurface*> surfaces;
   for (const TissueConfig& tissue : config.tissues) {

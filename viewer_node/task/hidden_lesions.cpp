@@ -8,6 +8,14 @@
 
 namespace palpate::viewer {
 
+HiddenLesions::HiddenLesions(const Session& session)
+    : hides_(session.task && session.task->hides_places()), tissues_(session.scene.tissues.size()) {
+  const NeedleTask* needle = session.task ? session.task->needle() : nullptr;
+  if (needle == nullptr) return;
+  for (const NeedleLayer& layer : needle->layers) hidden_.push_back(layer.tissue);
+  hidden_.erase(hidden_.begin());  // the outermost is seen
+}
+
 template <class T>
 HiddenLesions::Passed HiddenLesions::encoded(Codec<T>& codec, T message) {
   payload_ = payload_of(codec, message);
@@ -22,6 +30,9 @@ HiddenLesions::Passed HiddenLesions::scene_now() {
     scene.session_text.clear();
     scene.tissues.resize(std::min(scene.tissues.size(), tissues_));
     for (TissueSurface& tissue : scene.tissues) tissue.vertex_stiffness_newton_per_m.clear();
+    for (const std::uint32_t layer : hidden_) {
+      if (layer < scene.tissues.size()) scene.tissues[layer].mesh = {};
+    }
   }
   return encoded(scenes_, std::move(scene));
 }
@@ -35,7 +46,9 @@ std::optional<HiddenLesions::Passed> HiddenLesions::pass(const TelemetryMessage&
   }
   const auto* frame = std::get_if<MeshFrame>(&message);
   if (frame == nullptr) return Passed{&message, payload};
-  if (!is_revealed_ && frame->tissue >= tissues_) return std::nullopt;
+  const bool is_hidden = frame->tissue >= tissues_ ||
+                         std::find(hidden_.begin(), hidden_.end(), frame->tissue) != hidden_.end();
+  if (!is_revealed_ && is_hidden) return std::nullopt;
   MeshFrame passed = *frame;
   passed.scene_revision = number_of(passed.scene_revision);
   if (!is_revealed_) passed.vertex_strain.clear();

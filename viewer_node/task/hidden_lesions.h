@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// hidden_lesions.h — what a viewer passes on of hop 5 while a person searches for lesions: nothing
-// that tells where they are.
+// hidden_lesions.h — what a viewer passes on of hop 5 while a person searches for lesions or pushes
+// a needle through layers: nothing that tells where these are.
 #pragma once
 
 #include <cstddef>
@@ -19,8 +19,9 @@ namespace palpate::viewer {
 /// Between what is received and every way out of viewer_node: page, Foxglove, relay, OpenIGTLink.
 ///
 /// Until reveal() a scene has neither the session's text, nor the surfaces of parts, nor the
-/// stiffness of places; a frame has no strain, and frames of parts are left out. Of a session
-/// without a search everything passes as it is.
+/// stiffness of places; a frame has no strain, and frames of parts are left out. Of the layers of a
+/// needle only the outermost has a surface. Of a session without such a task everything passes as
+/// it is.
 class HiddenLesions {
  public:
   /// A message and its encoding, valid until the next call.
@@ -29,9 +30,7 @@ class HiddenLesions {
     std::span<const std::byte> payload{};
   };
 
-  explicit HiddenLesions(const Session& session)
-      : hides_(session.task && session.task->hides_lesions()),
-        tissues_(session.scene.tissues.size()) {}
+  explicit HiddenLesions(const Session& session);
 
   /// What may be seen of the message; none: nothing.
   /// @param payload  the message as received
@@ -53,7 +52,8 @@ class HiddenLesions {
   [[nodiscard]] Passed scene_now();
 
   bool hides_;
-  std::size_t tissues_;  // of the session: parts come after them
+  std::size_t tissues_;                // of the session: parts come after them
+  std::vector<std::uint32_t> hidden_;  // of these
   bool is_revealed_ = false;
   std::optional<SceneState> whole_;
   TelemetryMessage message_;

@@ -36,8 +36,7 @@ TaskScore score_of(RecordingFile& recording, const std::function<void(double)>& 
   }
   // there nobody can start the task
   const bool is_lockstep = recording.about("recorded_by").starts_with("palpate loopback");
-  TaskEvaluator evaluator(*session.task, session.scene.tip_radius_m,
-                          {.starts_with_run = is_lockstep});
+  TaskEvaluator evaluator(*session.task, session.scene.tool(), {.starts_with_run = is_lockstep});
   evaluator.take(recording.markers());
   viewer::TelemetryMirror mirror;
   mirror.on_row = [&](const TickRow& row) { evaluator.take(row); };

@@ -13,7 +13,7 @@ constexpr double kEnd_s = 1e-3;  // of a replay that stands there
 
 void TaskView::begin_anew() {
   evaluator_ =
-      TaskEvaluator(*session_.task, session_.scene.tip_radius_m, {.ignores_sessions = is_replay_});
+      TaskEvaluator(*session_.task, session_.scene.tool(), {.ignores_sessions = is_replay_});
   if (scene_) evaluator_.take(*scene_);
   evaluator_.take(run_.markers);
 }

@@ -15,7 +15,7 @@ class TaskView {
  public:
   /// @param session  with a task; must outlive it
   explicit TaskView(const Session& session)
-      : session_(session), evaluator_(*session.task, session.scene.tip_radius_m) {}
+      : session_(session), evaluator_(*session.task, session.scene.tool()) {}
 
   void take(const TickRow& row);
   /// Scenes and the state of the run count. @param message  as received

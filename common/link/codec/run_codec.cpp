@@ -83,7 +83,7 @@ void wire::put(const RunState& run, v1::Health& to) {
 void wire::put(const TaskState& task, v1::TaskState& to) {
   to.set_phase(static_cast<v1::TaskState::Phase>(task.phase));
   to.set_briefing(task.briefing);
-  to.set_is_search(task.is_search);
+  to.set_kind(static_cast<v1::TaskState::Kind>(task.kind));
   to.set_elapsed_s(task.elapsed_s);
   to.set_time_s(task.time_s);
   to.set_marks(task.marks);

@@ -45,9 +45,10 @@ TaskConfig to_shared_task(const Fields& fields, const Session& session) {
   if (!fields.messages("side").empty()) {
     fields.problem("task", "is for one device; leave it out of a session with sides");
   }
-  if (!session.physics_command.empty() && task.given_member("kind") == "palpation") {
-    task.problem("palpation",
-                 "needs physics_node, whose lesions are known; leave it out with physics.command");
+  const std::string kind = task.given_member("kind");
+  if (!session.physics_command.empty() && (kind == "palpation" || kind == "needle")) {
+    task.problem(kind.c_str(),
+                 "needs physics_node, whose tissue is known; leave it out with physics.command");
   }
   return to_task(task, session.scene);
 }

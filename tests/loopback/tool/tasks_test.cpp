@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -26,9 +28,13 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::SizeIs;
 
+const std::string kTasks = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/";
 constexpr const char* kLumpSearch = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/lump_search.txtpb";
 constexpr const char* kPoorSearch =
     PALPATE_SOURCE_DIR "/deploy/sessions/tasks/lump_search_poor.txtpb";
+constexpr const char* kEpidural = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/epidural.txtpb";
+constexpr const char* kEpiduralPoor =
+    PALPATE_SOURCE_DIR "/deploy/sessions/tasks/epidural_poor.txtpb";
 
 /// A hand that presses 10 mm into a pad with a hard ball, and marks it with button 0.
 constexpr const char* kSearch = R"(
@@ -152,6 +158,98 @@ TEST_F(Tasks, TheGoodHandFindsTheLumpAndThePoorOneIsToldThatItPressedTooLightly)
   ASSERT_EQ(poor.status, 0) << poor.err;
   EXPECT_EQ(json::parse(text_of(path("poor.json")))["task"]["missed"], 1);
   EXPECT_THAT(poor.out, HasSubstr("missed. You pressed too lightly"));
+}
+
+// Of their search the first two presses, which are those at the lump.
+TEST_F(Tasks, ALumpInALiverIsFoundByAFirmHandAndNotByOneThatHardlyPresses) {
+  const auto scored_run = [&](const std::string& session) {
+    const Outcome outcome =
+        palpate({"loopback", kTasks + session, "--no-ideal", "--seconds", "2.8", "--json", "-"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return json::parse(outcome.out)["task"];
+  };
+  const json firm = scored_run("liver_lump.txtpb");
+  EXPECT_EQ(firm["found"], 1) << firm;
+  EXPECT_EQ(firm["false_alarms"], 0);
+  EXPECT_EQ(firm["overshoot_n"], 0.0);
+  const json light = scored_run("liver_lump_poor.txtpb");
+  EXPECT_EQ(light["missed"], 1) << light;
+  EXPECT_LT(light["targets"][0]["force"]["most_n"], light["targets"][0]["palpable_n"]);
+}
+
+/// The least of a column of a CSV.
+double least_of(const std::string& csv, const std::string& column) {
+  std::istringstream lines(csv);
+  std::string line;
+  std::getline(lines, line);
+  std::istringstream head(line);
+  std::string cell;
+  int place = 0;
+  while (std::getline(head, cell, ',') && cell != column) ++place;
+  double least = std::numeric_limits<double>::infinity();
+  while (std::getline(lines, line)) {
+    std::istringstream row(line);
+    for (int i = 0; i <= place; ++i) std::getline(row, cell, ',');
+    least = std::min(least, std::stod(cell));
+  }
+  return least;
+}
+
+constexpr double kNeedleTip_m = 0.0007;
+constexpr double kFlavumEnds_m = 0.033;
+
+TEST_F(Tasks, TheGoodHandStopsBehindTheMembraneAndThePoorOneIsToldWhatItHurt) {
+  const auto run = [&](const char* session, const std::string& name) {
+    const Outcome outcome =
+        palpate({"loopback", session, "--no-ideal", "--csv", path(name + ".csv"), "--json",
+                 path(name + ".json"), "--record", path(name + ".mcap")});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return outcome;
+  };
+  const Outcome good = run(kEpidural, "good");
+  const json through = json::parse(text_of(path("good.json")))["task"];
+  EXPECT_EQ(through["kind"], "needle");
+  EXPECT_EQ(through["outcome"], "through") << good.out;
+  EXPECT_LT(through["told_after_s"].get<double>(), 1.0);
+  EXPECT_EQ(through["false_alarms"], 0);
+  // behind the far side of the membrane, by the positions of the run
+  const double behind_m =
+      kNeedleTip_m - least_of(text_of(path("good.csv")), "zm_m") - kFlavumEnds_m;
+  EXPECT_GT(behind_m, 0.0005);
+  EXPECT_NEAR(through["overshoot_m"].get<double>() / behind_m, 1.0, 0.01);
+  // the force when it gave way is the largest while the tip was in it
+  const json& flavum = through["layers"][3];
+  EXPECT_NEAR(flavum["puncture_n"].get<double>() / flavum["force"]["most_n"].get<double>(), 1.0,
+              0.01);
+  EXPECT_GT(flavum["puncture_n"], 1.8);  // its threshold, and what the layers before it hold
+  EXPECT_EQ(scored({path("good.mcap")})["runs"][path("good.mcap")], through);
+
+  const Outcome poor = run(kEpiduralPoor, "poor");
+  const json hurt = json::parse(text_of(path("poor.json")))["task"];
+  EXPECT_EQ(hurt["outcome"], "injury") << poor.out;
+  EXPECT_THAT(poor.out, HasSubstr("You punctured dura, which was to be spared."));
+  EXPECT_THAT(palpate({"score", path("good.mcap"), path("poor.mcap")}).out,
+              AllOf(HasSubstr("  through, "), HasSubstr("  injury, ")));
+}
+
+// A hand that nothing deflects: its path gives depth, way, time and overshoot.
+TEST_F(Tasks, WhatAStiffHandDoesWithANeedleFollowsFromItsPath) {
+  const Outcome outcome =
+      palpate({"loopback", kEpidural, "--no-ideal", "--json", path("stiff.json"), "--set",
+               "hand.stiffness_newton_per_m=1e6", "--set", "hand.damping_newton_s_per_m=2000"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json task = json::parse(text_of(path("stiff.json")))["task"];
+  // the foremost point begins 10 mm before the skin and ends 34.7 mm deep, 1.7 mm behind the
+  // membrane (deploy/sessions/tasks/epidural.csv)
+  EXPECT_NEAR(task["overshoot_m"].get<double>() / 0.0017, 1.0, 0.01);
+  EXPECT_NEAR(task["insertion_depth_m"].get<double>() / 0.0347, 1.0, 0.01);
+  EXPECT_NEAR(task["path_m"].get<double>() / 0.0447, 1.0, 0.01);
+  EXPECT_NEAR(task["time_s"].get<double>() / 9.5, 1.0, 0.01);
+  // the flavum gives way 2 mm below its top at 30 mm, the path is there at 5.125 s + 4 mm / 2.5
+  // mm/s
+  const json& flavum = task["layers"][3];
+  EXPECT_NEAR(flavum["puncture_depth_m"].get<double>() / 0.032, 1.0, 0.01);
+  EXPECT_NEAR(flavum["punctured_after_s"].get<double>() / (5.125 + 4.0 / 2.5), 1.0, 0.01);
 }
 
 TEST_F(Tasks, ASeedGivesTheSameLesionsAndEachItsOwn) {

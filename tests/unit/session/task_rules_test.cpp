@@ -62,7 +62,7 @@ TEST(TaskRules, ASearchIsReadWithItsDefaults) {
   EXPECT_FALSE(task.is_started_by_person);
   EXPECT_FALSE(task.time_s);
   EXPECT_FALSE(task.most_force_newton);
-  EXPECT_TRUE(task.hides_lesions());
+  EXPECT_TRUE(task.hides_places());
   ASSERT_NE(task.palpation(), nullptr);
   const PalpationTask& search = *task.palpation();
   EXPECT_EQ(search.tissue, 0U);
@@ -82,7 +82,7 @@ TEST(TaskRules, TargetsAreInclusionsTooAndAFreeTaskHasNone) {
                               "palpation { tissue: 'pad' target { lesion: 0 } }"),
               IsEmpty());
   EXPECT_THAT(task_complaints("free {} most_force_newton: 3"), IsEmpty());
-  EXPECT_FALSE(parse_session(session_with("free {}"), "x", {}, "/tmp").task->hides_lesions());
+  EXPECT_FALSE(parse_session(session_with("free {}"), "x", {}, "/tmp").task->hides_places());
 }
 
 TEST(TaskRules, NeedsAKindAndATissueThatRests) {
@@ -122,6 +122,97 @@ TEST(TaskRules, IsForOneDeviceAndOurPhysics) {
               Contains(HasSubstr("is for one device; leave it out of a session with sides")));
   EXPECT_THAT(task_complaints("palpation { tissue: 'pad' }", "physics { command: 'mine' }"),
               Contains(HasSubstr("needs physics_node")));
+}
+
+// --- a needle ---
+
+constexpr const char* kLayers = R"(
+  name: "x"
+  scene {
+    tool { tip_radius_m: 0.0007 shaft_length_m: 0.1 }
+    tissue { name: "skin" half_space {} kelvin_voigt { stiffness_newton_per_m: 900 puncture_newton: 1 } }
+    tissue {
+      name: "flavum" box { center_m { z: -0.02 } size_m { x: 0.1 y: 0.1 z: 0.01 } }
+      hunt_crossley { stiffness_newton_per_m: 900 puncture_newton: 2 }
+    }
+    tissue {
+      name: "dura" sphere { center_m { z: -0.05 } radius_m: 0.02 }
+      kelvin_voigt { stiffness_newton_per_m: 900 puncture_newton: 1 }
+    }
+    tissue { name: "bone" half_space { point_m { z: -0.1 } } kelvin_voigt { stiffness_newton_per_m: 9000 } }
+    tissue {
+      name: "file" triangle_surface { file: "a.stl" }
+      kelvin_voigt { stiffness_newton_per_m: 900 puncture_newton: 1 }
+    }
+    tissue {
+      name: "beating" sphere { center_m { x: 1 } radius_m: 0.1 }
+      kelvin_voigt { stiffness_newton_per_m: 300 puncture_newton: 1 }
+      motion { amplitude_m { z: 0.01 } frequency_hz: 1 }
+    }
+  }
+)";
+
+std::string needle_session(const std::string& needle) {
+  return std::string(kLayers) + " task { needle { " + needle + " } }";
+}
+std::vector<std::string> needle_complaints(const std::string& needle) {
+  return complaints(needle_session(needle), {}, "/tmp");
+}
+
+TEST(TaskRules, ANeedleIsReadWithItsDefaults) {
+  const Session session = parse_session(
+      needle_session("layer: ['skin', 'flavum', 'dura'] membrane: 'flavum' spared: 'dura'"), "x",
+      {}, "/tmp");
+  const NeedleTask* needle = session.task->needle();
+  ASSERT_NE(needle, nullptr);
+  EXPECT_TRUE(session.task->hides_places());
+  ASSERT_THAT(needle->layers, SizeIs(3));
+  EXPECT_EQ(needle->layers[1].tissue, 1U);
+  EXPECT_EQ(needle->layers[1].material.puncture_newton, 2.0);
+  EXPECT_FALSE(needle->layers[1].is_spared);
+  EXPECT_TRUE(needle->layers[2].is_spared);
+  EXPECT_EQ(needle->membrane, 1U);
+  EXPECT_EQ(needle->direction, Vector3(0, 0, -1));
+  EXPECT_FALSE(needle->most_overshoot_m);
+  EXPECT_THAT(needle_complaints("layer: 'dura' membrane: 'dura' direction { x: 1 z: -1 } "
+                                "most_overshoot_m: 0.002"),
+              IsEmpty());
+}
+
+TEST(TaskRules, LayersCanBePuncturedAndRest) {
+  EXPECT_THAT(needle_complaints("membrane: 'skin'"),
+              is_at("task.needle.layer", "name the tissues"));
+  const auto layer = [](const std::string& name) {
+    return needle_complaints("layer: ['flavum', '" + name + "'] membrane: 'flavum'");
+  };
+  EXPECT_THAT(layer("liver"), is_at("task.needle.layer[1]", "has no tissue of this name"));
+  EXPECT_THAT(layer("bone"), is_at("task.needle.layer[1]", "cannot be punctured"));
+  EXPECT_THAT(layer("file"), is_at("task.needle.layer[1]", "whose far side is known"));
+  EXPECT_THAT(layer("beating"), is_at("task.needle.layer[1]", "must be at rest"));
+  EXPECT_THAT(layer("flavum"), is_at("task.needle.layer[1]", "twice"));
+}
+
+TEST(TaskRules, TheMembraneIsALayerAndWhatIsSparedLiesBehindIt) {
+  const std::string layers = "layer: ['skin', 'flavum', 'dura'] ";
+  EXPECT_THAT(needle_complaints(layers), is_at("task.needle.membrane", "name one of the layers"));
+  EXPECT_THAT(needle_complaints(layers + "membrane: 'bone'"),
+              is_at("task.needle.membrane", "is none of the layers"));
+  EXPECT_THAT(needle_complaints(layers + "membrane: 'skin'"),
+              is_at("task.needle.membrane", "has no far side"));
+  EXPECT_THAT(needle_complaints(layers + "membrane: 'flavum' spared: 'skin'"),
+              is_at("task.needle.spared[0]", "behind the membrane"));
+  EXPECT_THAT(needle_complaints(layers + "membrane: 'flavum' most_overshoot_m: 1"),
+              is_at("most_overshoot_m", "must be"));
+  EXPECT_THAT(
+      complaints(needle_session(layers + "membrane: 'flavum'") + " physics { command: 'mine' }", {},
+                 "/tmp"),
+      Contains(HasSubstr("needs physics_node")));
+}
+
+TEST(TaskRules, TractionDoesNotExistAndIsRefusedWithTheReason) {
+  EXPECT_THAT(task_complaints("traction {}"),
+              Contains(HasSubstr("task.traction: no such field; it needs tissue that a tool can "
+                                 "grasp, which does not exist yet")));
 }
 
 TEST(TaskRules, TargetsAndTheirLesionsAreTakenOut) {

@@ -111,7 +111,7 @@ Tip over_lump(double t_s) { return pressed(t_s < 2.0 ? 0.02 : -0.03, 0.0, 0.003,
 // later, when the tip is elsewhere.
 TEST(TaskEvaluator, AMarkOfAKeyIsAtItsTickWheneverItArrives) {
   for (const std::uint64_t arrives : {std::uint64_t{0}, std::uint64_t{1500}, std::uint64_t{2400}}) {
-    TaskEvaluator evaluator(search({lump()}), kTip_m);
+    TaskEvaluator evaluator(search({lump()}), kTool);
     evaluator.take(plane_scene());
     run(evaluator, static_cast<double>(arrives) / kRate_hz, over_lump);
     evaluator.take({marker(5, 1500)});
@@ -127,7 +127,7 @@ TEST(TaskEvaluator, AMarkOfAKeyIsAtItsTickWheneverItArrives) {
 TEST(TaskEvaluator, TheSurfaceMayArriveLate) {
   TaskScore scores[2];
   for (const bool is_late : {false, true}) {
-    TaskEvaluator evaluator(search({lump()}), kTip_m);
+    TaskEvaluator evaluator(search({lump()}), kTool);
     if (!is_late) evaluator.take(plane_scene());
     run(evaluator, 3.0, over_lump);
     if (is_late) evaluator.take(plane_scene());
@@ -140,7 +140,7 @@ TEST(TaskEvaluator, TheSurfaceMayArriveLate) {
 }
 
 TEST(TaskEvaluator, WithoutASurfaceTheCoverageIsNotKnownAndTheRestIs) {
-  TaskEvaluator evaluator(search({lump()}), kTip_m);
+  TaskEvaluator evaluator(search({lump()}), kTool);
   run(evaluator, 20.0, over_lump);
   EXPECT_GT(evaluator.state().elapsed_s, 19.0);
   evaluator.finish();
@@ -152,7 +152,7 @@ TEST(TaskEvaluator, WithoutASurfaceTheCoverageIsNotKnownAndTheRestIs) {
 TEST(TaskEvaluator, APersonStartsAndStopsIt) {
   TaskConfig task = search({lump()});
   task.is_started_by_person = true;
-  TaskEvaluator evaluator(task, kTip_m);
+  TaskEvaluator evaluator(task, kTool);
   evaluator.take(plane_scene());
   run(evaluator, 2.0, over_lump);
   EXPECT_EQ(evaluator.state().phase, TaskState::Phase::kWaiting);
@@ -185,7 +185,7 @@ TEST(TaskEvaluator, ATaskThatNobodyStartsHasNoScore) {
   EXPECT_THAT(figures_of(score), IsEmpty());
   EXPECT_THAT(findings_of(score), SizeIs(1));
 
-  TaskEvaluator nobody_can(task, kTip_m, {.starts_with_run = true});
+  TaskEvaluator nobody_can(task, kTool, {.starts_with_run = true});
   nobody_can.take(plane_scene());
   run(nobody_can, 3.0, over_lump);
   nobody_can.finish();
@@ -205,7 +205,7 @@ TEST(TaskEvaluator, BeforeTheEndTheStateTellsNothingOfTheScore) {
   TaskConfig task = search({lump()});
   task.briefing = "Find it.";
   task.time_s = 3.0;
-  TaskEvaluator evaluator(task, kTip_m);
+  TaskEvaluator evaluator(task, kTool);
   evaluator.take(plane_scene());
   run(evaluator, 2.5, over_lump);
   evaluator.take({marker(1, 2400)});
@@ -219,7 +219,7 @@ TEST(TaskEvaluator, BeforeTheEndTheStateTellsNothingOfTheScore) {
 }
 
 TEST(TaskEvaluator, MissingTicksAreCountedAndSaid) {
-  TaskEvaluator evaluator(search(), kTip_m);
+  TaskEvaluator evaluator(search(), kTool);
   evaluator.take(plane_scene());
   for (std::uint64_t i = 0; i < 4000; ++i) {
     if (i < 1000 || i >= 1400) evaluator.take(row_of(i, pressed(0, 0, 0.002, 1.0)));
@@ -231,7 +231,7 @@ TEST(TaskEvaluator, MissingTicksAreCountedAndSaid) {
   EXPECT_THAT(findings_of(evaluator.score())[0],
               HasSubstr("10.0 % of the measurements are missing"));
   // the device has counted from 0, and the first tick that was seen is 500
-  TaskEvaluator late(search(), kTip_m);
+  TaskEvaluator late(search(), kTool);
   late.take(plane_scene());
   run(late, 2.0, over_lump, 500);
   late.finish();
@@ -239,7 +239,7 @@ TEST(TaskEvaluator, MissingTicksAreCountedAndSaid) {
 }
 
 TEST(TaskEvaluator, ADeviceThatIsStartedAgainIsSaid) {
-  TaskEvaluator evaluator(search(), kTip_m);
+  TaskEvaluator evaluator(search(), kTool);
   evaluator.take(plane_scene());
   run(evaluator, 2.0, over_lump);
   for (std::uint64_t i = 2000; i < 4000; ++i) evaluator.take(row_of(i, over_lump(0.0), 78));
@@ -249,7 +249,7 @@ TEST(TaskEvaluator, ADeviceThatIsStartedAgainIsSaid) {
 }
 
 TEST(TaskEvaluator, InAReplayOnlyTheNumbersOfTicksCount) {
-  TaskEvaluator evaluator(search({lump()}), kTip_m, {.ignores_sessions = true});
+  TaskEvaluator evaluator(search({lump()}), kTool, {.ignores_sessions = true});
   evaluator.take(plane_scene());
   evaluator.take({marker(5, 1500, Marker::Kind::kNote, 12345)});
   run(evaluator, 4.0, over_lump);

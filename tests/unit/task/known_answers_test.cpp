@@ -52,7 +52,7 @@ TEST(KnownAnswers, TheMapShowsTheStripThatWasSearched) {
   TaskConfig task = search();
   std::get<PalpationTask>(task.kind).area =
       BoxGeometry{.center_m = {0.025, 0.0, 0.0}, .size_m = {0.05, 0.04, 0.01}};
-  TaskEvaluator evaluator(task, kTip_m);
+  TaskEvaluator evaluator(task, kTool);
   evaluator.take(plane_scene());
   run(evaluator, 2.0, [](double t_s) { return pressed(0.1 * (0.5 * t_s - 0.5), 0.0, 0.002, 1.0); });
   evaluator.finish();
@@ -82,7 +82,7 @@ TEST(KnownAnswers, ThePathOfACircleIsItsCircumference) {
                         kStep_m * std::round(at_m.y() / kStep_m), at_m.z()}};
   });
   EXPECT_NEAR(score.path_m / (5.0 * 2.0 * kPi * 0.02), 1.0, 0.01);
-  EXPECT_FALSE(score.is_search);
+  EXPECT_FALSE(score.is_search());
   EXPECT_TRUE(std::isnan(score.coverage_ratio));
 }
 

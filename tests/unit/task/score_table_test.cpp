@@ -14,7 +14,8 @@ using ::testing::HasSubstr;
 
 NamedScore run_of(const std::string& name, std::vector<TargetScore::Outcome> outcomes,
                   std::size_t false_alarms) {
-  NamedScore one{.run = name, .score = {.is_search = true, .end = TaskScore::End::kStopped}};
+  NamedScore one{.run = name,
+                 .score = {.kind = TaskState::Kind::kPalpation, .end = TaskScore::End::kStopped}};
   for (const auto outcome : outcomes) {
     one.score.targets.push_back({.name = "lump", .outcome = outcome});
   }

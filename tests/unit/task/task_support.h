@@ -15,6 +15,7 @@
 namespace palpate::test {
 
 inline constexpr double kTip_m = 0.006;
+inline constexpr ToolShape kTool{.tip_radius_m = kTip_m};
 inline constexpr double kRate_hz = 1000.0;
 inline constexpr std::uint64_t kDevice = 77;
 
@@ -76,7 +77,7 @@ inline void run(TaskEvaluator& evaluator, double end_s,
 
 inline TaskScore score_of(const TaskConfig& task, double end_s,
                           const std::function<Tip(double t_s)>& tip_at) {
-  TaskEvaluator evaluator(task, kTip_m);
+  TaskEvaluator evaluator(task, kTool);
   evaluator.take(plane_scene());
   run(evaluator, end_s, tip_at);
   evaluator.finish();

@@ -139,6 +139,30 @@ TEST_F(Hidden, WithoutASearchEverythingPassesAsItIs) {
   EXPECT_EQ(passed->payload.data(), std::as_bytes(std::span(payload)).data());
 }
 
+TEST_F(Hidden, OfTheLayersOfANeedleOnlyTheOutermostIsSeenBeforeTheEnd) {
+  session_.scene.tissues.resize(3);
+  session_.task->kind = NeedleTask{
+      .layers = {{.tissue = 0, .name = "skin"}, {.tissue = 2, .name = "flavum"}}, .membrane = 1};
+  hidden_ = HiddenLesions(session_);
+  SceneState whole = whole_scene();
+  whole.tissues.push_back(whole.tissues[0]);
+  whole.tissues[2].name = "flavum";
+  const auto scene = passed(whole);
+  ASSERT_TRUE(scene);
+  ASSERT_THAT(scene->tissues, SizeIs(3));
+  EXPECT_THAT(scene->tissues[0].mesh.vertices_m, SizeIs(9));
+  EXPECT_THAT(scene->tissues[1].mesh.vertices_m, SizeIs(9));  // no layer
+  EXPECT_THAT(scene->tissues[2].mesh.vertices_m, IsEmpty());
+  EXPECT_THAT(scene->tissues[2].mesh.triangles, IsEmpty());
+  EXPECT_THAT(scene->session_text, IsEmpty());
+  EXPECT_TRUE(passed(frame_of(0)));
+  EXPECT_FALSE(passed(frame_of(2)));
+  const auto after = decoded<SceneState>(hidden_.reveal());
+  ASSERT_TRUE(after);
+  EXPECT_THAT(after->tissues[2].mesh.vertices_m, SizeIs(9));
+  EXPECT_TRUE(passed(frame_of(2)));
+}
+
 TEST_F(Hidden, OnlyTheEndOfTheTaskOrAReplayReveals) {
   TaskView view(session_);
   RunState run;

@@ -3,16 +3,22 @@
 // score. In plain words; all of it by keyboard, and said to a screen reader.
 import { make, write } from "./card";
 import { clock_words } from "./run";
-import { MarkerKind, TaskPhase, type Health, type RunRequest, type TaskState } from "./wire";
+import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskState } from "./wire";
 
 /** What is said of a change; "" if nothing is. */
 export function task_news(before: TaskState | null, now: TaskState): string {
   if (!before || before.phase === now.phase) {
     if (!before || now.phase !== TaskPhase.running || now.marks <= before.marks) return "";
-    return now.isSearch ? `Find ${now.marks} marked.` : "";
+    return now.kind === TaskKind.palpation ? `Find ${now.marks} marked.` : now.kind === TaskKind.needle ? "Loss of resistance marked." : "";
   }
   if (now.phase === TaskPhase.running) return "The task has started.";
   return now.phase === TaskPhase.ended ? `The task has ended. ${now.findings.join(" ")}` : "";
+}
+
+/** " · 2 finds marked" */
+function marks_words({ kind, marks }: TaskState): string {
+  if (kind === TaskKind.palpation) return ` · ${marks} ${marks === 1 ? "find" : "finds"} marked`;
+  return kind === TaskKind.needle && marks > 0 ? " · loss of resistance marked" : "";
 }
 
 /** "1:12 left", "0:48". */
@@ -68,7 +74,7 @@ export class TaskPanel {
     return this.state?.phase === TaskPhase.ended;
   }
 
-  /** The person has found something. False: there is nothing to mark now. */
+  /** The person has found something, or is through. False: there is nothing to mark now. */
   mark(): boolean {
     if (this.find.hidden) return false;
     this.publish({ marker: "", markerKind: MarkerKind.note });
@@ -99,11 +105,11 @@ export class TaskPanel {
     write(this.title, has_ended ? "Score" : is_running ? "Task" : "Your task");
     write(this.briefing, task.briefing);
     this.briefing.hidden = has_ended || task.briefing === "";
-    const found = task.isSearch ? ` · ${task.marks} ${task.marks === 1 ? "find" : "finds"} marked` : "";
-    write(this.progress, is_running ? time_words(task) + found : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
+    write(this.progress, is_running ? time_words(task) + marks_words(task) : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
     this.progress.hidden = has_ended || this.progress.textContent === "";
     this.start.hidden = task.phase !== TaskPhase.waiting || !may_act;
-    this.find.hidden = !is_running || !task.isSearch || !may_act;
+    this.find.hidden = !is_running || task.kind === TaskKind.free || !may_act;
+    write(this.find, task.kind === TaskKind.needle ? "The resistance is lost (M)" : "Mark a find (M)");
     this.stop.hidden = !is_running || !may_act;
     this.findings.hidden = this.figures.hidden = !has_ended;
     if (this.findings.childElementCount !== task.findings.length || this.findings.textContent !== task.findings.join("")) {

@@ -95,6 +95,15 @@ std::optional<RegionGeometry> to_area(const Fields& palpation) {
   return to_region(area);
 }
 
+/// The tissue of that name; nullptr: there is none.
+const TissueConfig* tissue_of(const SceneConfig& scene, const std::string& name) {
+  const auto tissue = std::find_if(scene.tissues.begin(), scene.tissues.end(),
+                                   [&](const TissueConfig& one) { return one.name == name; });
+  return tissue == scene.tissues.end() ? nullptr : &*tissue;
+}
+
+constexpr const char* kNoTissue = "the scene has no tissue of this name; give one of scene.tissue";
+
 PalpationTask to_palpation(const Fields& fields, const SceneConfig& scene) {
   PalpationTask task;
   task.least_force_newton = fields.number("least_force_newton");
@@ -103,18 +112,90 @@ PalpationTask to_palpation(const Fields& fields, const SceneConfig& scene) {
   task.mark_tolerance_m = fields.number("mark_tolerance_m");
   task.area = to_area(fields);
   if (!fields.has_required("tissue")) return task;
-  const std::string name = fields.text("tissue");
-  const auto tissue = std::find_if(scene.tissues.begin(), scene.tissues.end(),
-                                   [&](const TissueConfig& one) { return one.name == name; });
-  if (tissue == scene.tissues.end()) {
-    fields.problem("tissue", "the scene has no tissue of this name; give one of scene.tissue");
+  const TissueConfig* tissue = tissue_of(scene, fields.text("tissue"));
+  if (tissue == nullptr) {
+    fields.problem("tissue", kNoTissue);
     return task;
   }
-  task.tissue = static_cast<std::uint32_t>(tissue - scene.tissues.begin());
+  task.tissue = static_cast<std::uint32_t>(tissue - scene.tissues.data());
   if (!tissue->motion.amplitude_m.isZero()) {
     fields.problem("tissue", "moves; a tissue that is searched must be at rest, without motion");
   }
   add_targets(fields, *tissue, task);
+  return task;
+}
+
+/// What is wrong with a tissue as a layer of a needle; "": nothing.
+std::string layer_complaint(const TissueConfig* tissue) {
+  if (tissue == nullptr) return kNoTissue;
+  const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue->material);
+  if (material == nullptr || !(material->puncture_newton > 0.0)) {
+    return "cannot be punctured; give it kelvin_voigt or hunt_crossley with a puncture_newton";
+  }
+  if (std::holds_alternative<FileGeometry>(tissue->geometry)) {
+    return "must be a half_space, sphere, box or capsule, whose far side is known";
+  }
+  if (!tissue->motion.amplitude_m.isZero()) {
+    return "moves; a layer of a needle must be at rest, without motion";
+  }
+  return "";
+}
+
+void add_layers(const Fields& fields, const SceneConfig& scene, NeedleTask& task) {
+  const std::vector<std::string> names = fields.texts("layer");
+  if (names.empty()) {
+    fields.problem("layer", "required; name the tissues on the way of the needle, from outside");
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const TissueConfig* tissue = tissue_of(scene, names[i]);
+    std::string complaint = layer_complaint(tissue);
+    if (std::find(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(i), names[i]) !=
+        names.begin() + static_cast<std::ptrdiff_t>(i)) {
+      complaint = "stands here twice; take one of them out";
+    }
+    if (!complaint.empty()) {
+      fields.problem_at("layer", static_cast<int>(i), one_line(names[i]) + ": " + complaint);
+      continue;
+    }
+    task.layers.push_back({.tissue = static_cast<std::uint32_t>(tissue - scene.tissues.data()),
+                           .name = tissue->name,
+                           .geometry = tissue->geometry,
+                           .material = std::get<KelvinVoigtMaterial>(tissue->material)});
+  }
+}
+
+NeedleTask to_needle(const Fields& fields, const SceneConfig& scene) {
+  NeedleTask task;
+  task.direction = fields.direction("direction");
+  if (fields.has("most_overshoot_m")) task.most_overshoot_m = fields.number("most_overshoot_m");
+  const bool has_membrane = fields.has_required("membrane");
+  add_layers(fields, scene, task);
+  if (task.layers.size() < fields.texts("layer").size() || task.layers.empty()) return task;
+  const auto place_of = [&](const std::string& name) {
+    return static_cast<std::size_t>(
+        std::find_if(task.layers.begin(), task.layers.end(),
+                     [&](const NeedleLayer& one) { return one.name == name; }) -
+        task.layers.begin());
+  };
+  const std::size_t membrane = place_of(fields.text("membrane"));
+  if (membrane < task.layers.size()) {
+    task.membrane = membrane;
+    if (std::holds_alternative<HalfSpaceGeometry>(task.layers[membrane].geometry)) {
+      fields.problem("membrane", "has no far side; give a sphere, box or capsule");
+    }
+  } else if (has_membrane) {
+    fields.problem("membrane", "is none of the layers; give one of them");
+  }
+  const std::vector<std::string> spared = fields.texts("spared");
+  for (std::size_t i = 0; i < spared.size(); ++i) {
+    const std::size_t place = place_of(spared[i]);
+    if (place < task.layers.size() && place > task.membrane) {
+      task.layers[place].is_spared = true;
+    } else {
+      fields.problem_at("spared", static_cast<int>(i),
+                        one_line(spared[i]) + ": must be a layer behind the membrane");
+    }
+  }
   return task;
 }
 
@@ -136,9 +217,12 @@ TaskConfig to_task(const Fields& fields, const SceneConfig& scene) {
   }
   const std::string kind = fields.given_member("kind");
   if (kind.empty()) {
-    fields.problem("a kind is required; give palpation { tissue: … target { … } } or free {}");
+    fields.problem(
+        "a kind is required; give palpation { tissue: … target { … } }, needle { layer: "
+        "… membrane: … } or free {}");
   }
   if (kind == "palpation") task.kind = to_palpation(fields.message("palpation"), scene);
+  if (kind == "needle") task.kind = to_needle(fields.message("needle"), scene);
   return task;
 }
 
