@@ -29,7 +29,7 @@ set(PALPATE_BOUNDARIES
   "common/session/reference:common/session/file,@wire"
   "common/telemetry:common/core,common/core/user,common/session,common/telemetry/verdict,@log,@threads"
   "common/telemetry/verdict:common/core,common/session,common/telemetry,@log"
-  "common/task:common/core,common/session,common/telemetry,@log"
+  "common/task:common/core,common/contact,common/session,common/telemetry,@log"
   # in link: codec, security ← socket ← the ends
   "common/link/codec:common/core,common/core/elastic,common/coupling,common/telemetry,@wire"
   "common/link/security:common/core,common/core/user,@zmq,@threads"
@@ -106,11 +106,13 @@ set(PALPATE_BOUNDARIES
   # lockstep ← campaign; launch ← conform; campaign, conform ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/feed,viewer_node/recording,@zmq,@log,@threads"
   "deploy/campaign:common/*,deploy/lockstep,mofc_node/make_controller.h,@wire,@log,@threads"
+  # trials of a session under several conditions; who runs them is palpate
+  "deploy/study:common/core,common/core/user,common/session,common/task,common/telemetry,deploy/campaign,@wire,@log"
   # from a segmentation to a mesh: no session, no wire
   "deploy/scan:common/core,common/core/user,common/contact,physics_node/surfaces,physics_node/files,physics_node/elastic"
   "deploy/launch:common/*,@log,@threads"
   "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/release.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
-  "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,viewer_node/task,@log,@cli,@threads")
+  "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/study,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,viewer_node/task,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

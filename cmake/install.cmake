@@ -8,7 +8,7 @@ include(CMakePackageConfigHelpers)
 # launch starts the nodes that lie beside it
 install(TARGETS palpate palpate_tools device_node mofc_node device_mofc_node physics_node viewer_node)
 install(TARGETS palpate_rivals LIBRARY DESTINATION lib/palpate)
-install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
+install(DIRECTORY deploy/campaigns deploy/sessions deploy/studies proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "*.msh" PATTERN "organ.ply"
         PATTERN "engines" EXCLUDE)
 install(DIRECTORY deploy/audience DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate USE_SOURCE_PERMISSIONS)

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <google/protobuf/io/tokenizer.h>
-#include <google/protobuf/text_format.h>
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
@@ -11,11 +9,9 @@
 #include "common/core/check.h"
 #include "common/core/problems.h"
 #include "common/core/random.h"
-#include "common/core/user/files.h"
-#include "common/core/user/nearest.h"
-#include "common/session/file/session_rules.h"
 #include "common/session/session_file.h"
 #include "deploy/campaign/campaign.h"
+#include "deploy/campaign/checked_text.h"
 #include "mofc_node/make_controller.h"
 #include "palpate/v1/campaign.pb.h"
 
@@ -23,41 +19,18 @@ namespace palpate::campaign {
 namespace {
 
 namespace fs = std::filesystem;
-namespace pb = google::protobuf;
 
-constexpr std::uintmax_t kMaxCampaignFileBytes = 1'000'000;
 constexpr std::uint64_t kMaxRuns = 20'000'000;
 constexpr std::uint64_t kMaxCellsChecked = 1000;
-
-class Errors final : public pb::io::ErrorCollector {
- public:
-  explicit Errors(Problems& problems) : problems_(problems) {}
-  void AddError(int line, int column, const std::string& message) override {
-    problems_.add({.line = line + 1, .column = column + 1}, message);
-  }
-
- private:
-  Problems& problems_;
-};
 
 /// Reads one campaign; what it returns is one only if there are no problems.
 class Reader {
  public:
-  Reader(const v1::Campaign& written, const pb::TextFormat::ParseInfoTree& places,
-         Problems& problems)
-      : written_(written), problems_(problems) {
-    check_rules(written, places, "");
-  }
+  Reader(const v1::Campaign& written, const CheckedText& text) : written_(written), text_(text) {}
 
   Campaign read() {
     campaign_.name = written_.name();
-    const auto is_plain = [](char c) {
-      return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-';
-    };
-    if (campaign_.name.size() > 64 ||
-        !std::all_of(campaign_.name.begin(), campaign_.name.end(), is_plain)) {
-      problem("name", "must be 1 … 64 letters, digits, '_' and '-'");
-    }
+    text_.check_name(campaign_.name);
     campaign_.overrides = {written_.set().begin(), written_.set().end()};
     for (int i = 0; i < written_.vary_size(); ++i) add_dimension(i);
     campaign_.is_hostile = written_.has_hostile();
@@ -80,55 +53,7 @@ class Reader {
   }
 
  private:
-  /// Required fields and ranges as the schema states them, of a message and all below it.
-  void check_rules(const pb::Message& message, const pb::TextFormat::ParseInfoTree& places,
-                   const std::string& path) {
-    const pb::Descriptor& type = *message.GetDescriptor();
-    const pb::Reflection& reflection = *message.GetReflection();
-    for (int i = 0; i < type.field_count(); ++i) {
-      const pb::FieldDescriptor& field = *type.field(i);
-      const std::string name = path + field.name();
-      const int size = field.is_repeated() ? reflection.FieldSize(message, &field)
-                                           : static_cast<int>(reflection.HasField(message, &field));
-      const v1::FieldRule& rule = rule_of(field);
-      if (size == 0 && rule.required()) problem(name, required_complaint(rule));
-      for (int k = 0; k < size; ++k) {
-        const std::string at = field.is_repeated() ? fmt::format("{}[{}]", name, k) : name;
-        const auto location = places.GetLocation(&field, field.is_repeated() ? k : -1);
-        places_[at] = {.line = location.line + 1, .column = location.column + 1};
-        if (field.type() == pb::FieldDescriptor::TYPE_MESSAGE) {
-          const auto& below = field.is_repeated()
-                                  ? reflection.GetRepeatedMessage(message, &field, k)
-                                  : reflection.GetMessage(message, &field);
-          const auto* tree = places.GetTreeForNested(&field, field.is_repeated() ? k : -1);
-          if (tree != nullptr) check_rules(below, *tree, at + ".");
-        } else if (!field.is_repeated()) {
-          check_number(message, field, at);
-        }
-      }
-    }
-  }
-
-  void check_number(const pb::Message& message, const pb::FieldDescriptor& field,
-                    const std::string& at) {
-    const pb::Reflection& reflection = *message.GetReflection();
-    double value = 0.0;
-    if (field.type() == pb::FieldDescriptor::TYPE_DOUBLE) {
-      value = reflection.GetDouble(message, &field);
-      if (!std::isfinite(value)) return problem(at, "must be a finite number");
-    } else if (field.type() == pb::FieldDescriptor::TYPE_UINT64) {
-      value = static_cast<double>(reflection.GetUInt64(message, &field));
-    } else {
-      return;
-    }
-    const std::string complaint = range_complaint(rule_of(field), value);
-    if (!complaint.empty()) problem(at, complaint);
-  }
-
-  void problem(const std::string& at, const std::string& rule) {
-    const auto place = places_.find(at);
-    problems_.add(place == places_.end() ? Place{.line = 0} : place->second, at + ": " + rule);
-  }
+  void problem(const std::string& at, const std::string& rule) { text_.problem(at, rule); }
 
   void add_dimension(int index) {
     const v1::Vary& vary = written_.vary(index);
@@ -231,8 +156,7 @@ class Reader {
   }
 
   const v1::Campaign& written_;
-  Problems& problems_;
-  std::map<std::string, Place> places_;
+  const CheckedText& text_;
   std::set<std::string> names_;
   Campaign campaign_;
 };
@@ -277,20 +201,10 @@ std::set<std::string> files_of_runs(const Campaign& campaign) {
 }  // namespace
 
 Campaign load_campaign(const fs::path& file, std::optional<std::uint64_t> runs) {
-  const FileContent content = read_text_file(file, kMaxCampaignFileBytes);
-  if (!content.complaint.empty()) {
-    throw SetupError("campaign " + one_line(file.string()) + ": " + content.complaint);
-  }
   Problems problems(file.string());
-  Errors errors(problems);
-  pb::TextFormat::Parser parser;
-  parser.RecordErrorsTo(&errors);
-  parser.SetRecursionLimit(32);
-  pb::TextFormat::ParseInfoTree places;
-  parser.WriteLocationsTo(&places);
   v1::Campaign written;
-  if (!parser.ParseFromString(content.bytes, &written)) problems.throw_if_any();
-  Campaign campaign = Reader(written, places, problems).read();
+  const CheckedText text(file, "campaign", written, problems);
+  Campaign campaign = Reader(written, text).read();
   problems.throw_if_any();
 
   campaign.file = file;

@@ -66,6 +66,8 @@ template <class Work>
 [[nodiscard]] Command add_make_organ_command(CLI::App& app);
 [[nodiscard]] Command add_mesh_command(CLI::App& app);
 [[nodiscard]] Command add_sweep_command(CLI::App& app);
+[[nodiscard]] Command add_study_command(CLI::App& app);
+[[nodiscard]] Command add_stations_command(CLI::App& app);
 [[nodiscard]] Command add_devices_command(CLI::App& app);
 [[nodiscard]] Command add_emulate_command(CLI::App& app);
 // They print what is made from the definitions of the other commands: add them last.

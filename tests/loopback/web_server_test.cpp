@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <cstring>
 #include <ctime>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <thread>
@@ -20,6 +21,7 @@
 
 #include "common/core/check.h"
 #include "common/core/random.h"
+#include "tests/support/temp_folder.h"
 #include "tests/support/web_client.h"
 
 namespace palpate::viewer {
@@ -275,6 +277,66 @@ TEST(WebServerLink, ASlowLinkGetsAllOfItsAnswer) {
   received += slow.read(body.size() - received.size());
   EXPECT_EQ(received.size(), body.size());
   EXPECT_TRUE(received == body);
+}
+
+// --- recordings ----------------------------------------------------------------------------------
+
+TEST(WebServerRecordings, AreDownloadedWholeAndOverAKeptConnection) {
+  test::TempFolder files;
+  std::string recorded;
+  for (int i = 0; recorded.size() < 1'500'000; ++i) recorded += std::to_string(i);
+  files.write("probe-20261128-010203.mcap", recorded);
+  files.write("secret", "private");
+  WebServer server({.port = 0, .record_folder = files.path().string()},
+                   {.name = "v", .session_id = "s", .session_name = "probe"});
+  WebClient client(server.port());
+  const auto head_of = [&](const std::string& target, const std::string& method = "GET") {
+    EXPECT_TRUE(client.send_raw(method + " " + target + " HTTP/1.1\r\nHost: localhost\r\n\r\n"));
+    return client.read_head();
+  };
+  const auto body_of = [&](const std::string& head) {
+    const std::size_t at = head.find("Content-Length: ");
+    return at == std::string::npos ? "" : client.read(std::stoul(head.substr(at + 16)));
+  };
+  const std::string file = "/recordings/probe-20261128-010203.mcap";
+  const std::string before = head_of(file);
+  EXPECT_THAT(before, HasSubstr("403 Forbidden"));  // until it is allowed
+  EXPECT_THAT(body_of(before), HasSubstr("while a task hides"));
+
+  server.set_recordings(true, "");
+  for (int i = 0; i < 2; ++i) {
+    const std::string head = head_of(file);
+    EXPECT_THAT(head, HasSubstr("200 OK"));
+    EXPECT_THAT(head, HasSubstr("filename=\"probe-20261128-010203.mcap\""));
+    EXPECT_TRUE(body_of(head) == recorded);
+  }
+  EXPECT_THAT(head_of(file, "HEAD"),
+              HasSubstr("Content-Length: " + std::to_string(recorded.size())));
+  EXPECT_THAT(body_of(head_of("/recordings")), HasSubstr("probe-20261128-010203.mcap"));
+  for (const char* other :
+       {"/recordings/secret", "/recordings/../secret", "/recordings/%2e%2e/secret",
+        "/recordings//etc/passwd", "/recordings/"}) {
+    const std::string head = head_of(other);
+    EXPECT_THAT(head, HasSubstr("404 Not Found")) << other;
+    body_of(head);
+  }
+}
+
+TEST(WebServerRecordings, AFileThatBecomesShorterEndsTheConnection) {
+  test::TempFolder files;
+  const std::string name = "probe-20261128-010203.mcap";
+  files.write(name, std::string(8'000'000, 'r'));
+  WebServer server({.port = 0, .record_folder = files.path().string()},
+                   {.name = "v", .session_id = "s", .session_name = "probe"});
+  server.set_recordings(true, "");
+  WebClient client(server.port());
+  client.send_raw("GET /recordings/" + name + " HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  ASSERT_THAT(client.read_head(), HasSubstr("Content-Length: 8000000"));
+  std::filesystem::resize_file(files.path() / name, 1000);
+  EXPECT_LT(client.read_to_end().size(), 8'000'000U);  // and the server goes on
+  WebClient again(server.port());
+  again.send_raw("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_THAT(again.read_head(), HasSubstr("200 OK"));
 }
 
 TEST(WebServerLink, AClientThatTakesNothingOfItsAnswerIsCutOff) {

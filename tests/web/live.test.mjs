@@ -376,15 +376,20 @@ test_alone("screenshots of an organ", { skip: kLimit.skip || kSkipScreenshots },
   }
 });
 
-test_alone("screenshot of a task that has ended", { skip: kLimit.skip || kSkipScreenshots }, async () => {
+test_alone("screenshots of a task that has ended", { skip: kLimit.skip || kSkipScreenshots }, async () => {
   nodes = await Nodes.start([], "tasks/lump_search");
   const page = await open(browser, nodes.url, { scale: 1, width: 1000, height: 820 });
   await until(page, (t) => t.now_s > 11.5, "the whole search");
   await page.getByRole("button", { name: "Stop" }).click();
-  await until(page, (t) => t.task_map?.searched > 0 && t.scene.tissues.length === 2, "map and lump");
-  await page.locator("#task-title", { hasText: "Score" }).waitFor();
-  await page.waitForTimeout(400);
-  await screenshot(page, "task_score");
+  await page.context().close();
+  for (const [name, dark] of [["task_score_light", false], ["task_score_dark", true]]) {
+    const shown = await open(browser, nodes.url, { scale: 1, width: 1000, height: 820, dark });
+    await until(shown, (t) => t.task_map?.searched > 0 && t.scene.tissues.length === 2, "map and lump");
+    await shown.locator("#task-title", { hasText: "Score" }).waitFor();
+    await shown.waitForTimeout(400);
+    await screenshot(shown, name);
+    await shown.context().close();
+  }
 });
 
 test_alone("screenshot of a replay", { skip: kLimit.skip || kSkipScreenshots }, async () => {

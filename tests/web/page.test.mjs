@@ -646,7 +646,7 @@ page_test("a replay has a badge, time, speed and scrubber, and offers no touch",
   await page.locator("#replay").waitFor({ state: "hidden" });
 });
 
-const kTask = { phase: 0, briefing: "Find the lump.\nPress firmly.", isSearch: true, elapsedS: 0, timeS: 60, marks: 0, findings: [], figures: [] };
+const kTask = { phase: 0, briefing: "Find the lump.\nPress firmly.", kind: 1, elapsedS: 0, timeS: 60, marks: 0, findings: [], figures: [] };
 
 page_test("a task is done with the mouse: briefing, start, marks, stop, score in plain words", {}, async (page) => {
   await page.locator("#task").waitFor({ state: "hidden" });
@@ -725,6 +725,32 @@ page_test("a task fits a phone, and its buttons a finger", { page: { width: 390,
       assert.ok(width >= 44 && height >= 44, `${await button.innerText()}: ${width} × ${height}`);
     }
   }
+  server.world.task = undefined;
+});
+
+page_test("recordings are listed and downloaded, by the keyboard too", {}, async (page) => {
+  const summary = page.locator("#recordings summary");
+  await summary.focus();
+  await page.keyboard.press("Enter");
+  await until_shown(page, "#recordings", /None yet/);
+  // a new one is listed once it has ended
+  server.world.recordings = [{ name: "mock-20261128-010203.mcap", bytes: 1234567, modified_s: 1.7e9 }];
+  server.world.recorder = { isPossible: true, isRecording: false, file: "mock-20261128-010203.mcap", lengthS: 3, problem: "" };
+  await until_shown(page, "#recordings", /mock-20261128-010203\.mcap 1\.23 MB/);
+  const download = page.waitForEvent("download");
+  await page.locator("#recordings a").focus();
+  await page.keyboard.press("Enter");
+  assert.equal((await download).suggestedFilename(), "mock-20261128-010203.mcap");
+  server.world.recordings = [];
+  server.world.recorder = { isPossible: true, isRecording: false, file: "", lengthS: 0, problem: "" };
+});
+
+page_test("with a needle the button says that the resistance is lost", {}, async (page) => {
+  server.world.task = { ...kTask, kind: 2, briefing: "Push the needle down.", phase: 1 };
+  await page.getByRole("button", { name: "The resistance is lost (M)" }).click();
+  await until_shown(page, "#task", /loss of resistance marked/);
+  await page.locator("#task [role=status]", { hasText: "Loss of resistance marked." }).waitFor({ state: "attached" });
+  await page.locator("#marker").waitFor({ state: "hidden" });
   server.world.task = undefined;
 });
 

@@ -4,12 +4,17 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "common/core/version.h"
 #include "common/link/codec/viewer_codec.h"
+#include "common/task/score.h"
 
 namespace palpate::viewer {
 namespace {
+
+constexpr Duration kTaskInterval = std::chrono::milliseconds(500);
 
 /// By side; an empty one: no page may lead its hand.
 std::vector<std::string> hand_topics(const Session& session, const ProcessLinks& links,
@@ -142,6 +147,34 @@ void WebFeed::pump(TimePoint now) {
   });
   foxglove_.pump(now);
   if (task_ != nullptr) publish_task_map();
+  allow_recordings(now);
+  tell_task(now);
+}
+
+/// For who watches many stations.
+void WebFeed::tell_task(TimePoint now) {
+  if (now < next_task_) return;
+  next_task_ = now + kTaskInterval;
+  nlohmann::ordered_json json{{"session", context_.session.name}, {"task", nullptr}};
+  if (task_ != nullptr) {
+    json["task"] = state_json(task_->state());
+    if (task_->has_ended()) json["task"]["score"] = score_json(task_->score());
+  }
+  server_.set_task(json.dump() + "\n");
+}
+
+/// A recording tells where everything is.
+void WebFeed::allow_recordings(TimePoint now) {
+  const ViewerHealth::Recorder recorder = run_.recorder(now);
+  const bool is_hiding =
+      task_ != nullptr && context_.session.task->hides_places() && !task_->may_reveal();
+  Shelf shelf{.may_be_read = !is_hiding};
+  if (recorder.is_recording) {
+    shelf.written = std::filesystem::path(recorder.file).filename().string();
+  }
+  if (shelf == shelf_) return;
+  shelf_ = shelf;
+  server_.set_recordings(shelf.may_be_read, shelf.written);
 }
 
 void WebFeed::publish_task_map() {

@@ -57,9 +57,21 @@ class WebFeed {
   void handle(const WebServer::Event& event, TimePoint now);
   /// What was searched, once the task has ended.
   void publish_task_map();
+  void allow_recordings(TimePoint now);
+  void tell_task(TimePoint now);
+
+  /// What was told to the server.
+  struct Shelf {
+    bool may_be_read = false;
+    std::string written{};
+
+    bool operator==(const Shelf&) const = default;
+  };
 
   NodeContext& context_;
   const TaskView* task_;
+  Shelf shelf_;
+  TimePoint next_task_{};
   Payload task_map_;  // null until the task has ended
   SideIndex sides_;
   WebServer server_;

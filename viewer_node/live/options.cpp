@@ -80,6 +80,7 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
   config.rules.hosts = options.hosts;
   config.proxies = options.proxies;
   config.audience = options.audience;
+  config.record_folder = page_record_folder(options);
   if (!options.token_file.empty()) config.rules.token = read_token(options.token_file);
   if (!is_loopback(config.address) && config.rules.token.empty()) {
     throw SetupError("--listen " + options.listen +

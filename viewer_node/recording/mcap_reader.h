@@ -39,7 +39,7 @@ class McapReader {
 
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] std::uint64_t file_bytes() const { return file_bytes_; }
-  /// Whether the file was closed properly; otherwise its last second may be missing.
+  /// Whether the file was closed properly; otherwise its last half second may be missing.
   [[nodiscard]] bool is_whole() const { return is_whole_; }
   /// Chunks that could not be read so far: all of them once next() has come to the end.
   [[nodiscard]] std::uint64_t damaged_chunks() const { return damaged_chunks_; }

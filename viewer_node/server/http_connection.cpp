@@ -75,7 +75,16 @@ void HttpConnection::on_header(const error_code& error) {
     }
     return;
   }
-  const WebDecision decision = decide(request(), server_.rules);
+  WebDecision decision = decide(request(), server_.rules);
+  if (!decision.recording.empty()) {
+    file_ = server_.shelf.open(decision.recording);
+    if (!file_) {
+      decision = {.status = server_.shelf.may_be_read() ? 404U : 403U,
+                  .text = server_.shelf.may_be_read()
+                              ? "there is no such recording\n"
+                              : "no recordings while a task hides where things are\n"};
+    }
+  }
   if (decision.status == 101) {
     become_client(decision.subprotocol);
   } else {
@@ -141,10 +150,20 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
     body = metrics_;
     response_.set(http::field::content_type, "text/plain; version=0.0.4; charset=utf-8");
   }
-  if (decision.is_verdict) {
-    metrics_ = server_.verdict;
+  if (decision.is_verdict || decision.is_task) {
+    metrics_ = decision.is_verdict ? server_.verdict : server_.task;
     body = metrics_;
     response_.set(http::field::content_type, "application/json");
+  }
+  if (decision.is_list) {
+    metrics_ = server_.shelf.list_json();
+    body = metrics_;
+    response_.set(http::field::content_type, "application/json");
+  }
+  if (file_) {
+    response_.set(http::field::content_type, "application/octet-stream");
+    response_.set(http::field::content_disposition,
+                  "attachment; filename=\"" + decision.recording + '"');
   }
   if (decision.asset != nullptr) {
     body = decision.asset->bytes;
@@ -154,16 +173,22 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
   }
   response_.keep_alive(!decision.closes && !is_malformed && parser_->get().keep_alive());
   if (decision.status != 304) {
-    response_.content_length(body.size());
-    if (!is_head) {
+    response_.content_length(file_ ? file_->size() : body.size());
+    if (!is_head && file_) {
+      fill();
+    } else if (!is_head) {
       response_.body().data = const_cast<char*>(body.data());  // read only
       response_.body().size = body.size();
     }
   }
-  response_.body().more = false;
+  if (!file_ || is_head) response_.body().more = false;
 
   serializer_.emplace(response_);
-  stream_.expires_after(kWholeAnswerTimeout);
+  if (file_) {
+    stream_.expires_never();  // as large as it is; await_progress() ends one that stands still
+  } else {
+    stream_.expires_after(kWholeAnswerTimeout);
+  }
   is_answering_ = true;
   await_progress();
   if (is_head || decision.status == 304) {
@@ -180,12 +205,23 @@ void HttpConnection::write_part() {
   http::async_write_some(stream_, *serializer_,
                          [self = shared_from_this()](const error_code& error, std::size_t bytes) {
                            self->sent_bytes_ += bytes;
-                           if (error || self->serializer_->is_done()) {
+                           if (error == http::error::need_buffer) {
+                             self->fill();
+                             self->write_part();
+                           } else if (error || self->serializer_->is_done()) {
                              self->on_written(error);
                            } else {
                              self->write_part();
                            }
                          });
+}
+
+void HttpConnection::fill() {
+  part_.resize(kPartBytes);
+  const std::string_view bytes = file_->read(part_.data(), part_.size());
+  response_.body().data = bytes.empty() ? nullptr : part_.data();
+  response_.body().size = bytes.size();
+  response_.body().more = !bytes.empty() && file_->left() > 0;
 }
 
 /// By what the client acknowledges: the next part may be written only once a third of the kernel's
@@ -212,7 +248,10 @@ std::uint64_t HttpConnection::taken_bytes() {
 void HttpConnection::on_written(const error_code& error) {
   is_answering_ = false;
   progress_.cancel();
-  if (error || !response_.keep_alive()) {
+  // of a file that has become shorter the client gets less than was announced
+  const bool is_cut = file_ && file_->left() > 0 && parser_->get().method() != http::verb::head;
+  file_.reset();
+  if (error || is_cut || !response_.keep_alive()) {
     end();
   } else {
     read();

@@ -14,6 +14,7 @@
 #include <string>
 #include <string_view>
 
+#include "viewer_node/server/recording_shelf.h"
 #include "viewer_node/server/server_state.h"
 #include "viewer_node/server/web_rules.h"
 
@@ -40,6 +41,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void become_client(std::string_view subprotocol);
   void answer(const WebDecision& decision, bool is_malformed);
   void write_part();
+  /// Of the file that is downloaded, the next bytes into response_.
+  void fill();
   /// Ends the answer if the client takes none of it in time.
   void await_progress();
   /// Bytes of answers that the client's kernel has acknowledged.
@@ -49,6 +52,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void stop_waiting();
 
   static constexpr std::size_t kMaxHeaderBytes = 8 << 10;
+  static constexpr std::size_t kPartBytes = 256 << 10;
 
   ServerState& server_;
   CountedConnection counted_;
@@ -57,7 +61,9 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   boost::beast::flat_buffer buffer_{2 * kMaxHeaderBytes};
   std::optional<boost::beast::http::request_parser<boost::beast::http::empty_body>> parser_;
   boost::beast::http::response<boost::beast::http::buffer_body> response_;
-  std::string metrics_;  // the body of response_, if it is /metrics or /verdict
+  std::string metrics_;  // the body of response_, if it is /metrics, /verdict, /task or /recordings
+  std::optional<OpenFile> file_;  // that is downloaded
+  std::string part_;              // of it, the body of response_ now
   std::optional<boost::beast::http::response_serializer<boost::beast::http::buffer_body>>
       serializer_;
   boost::asio::steady_timer progress_;  // while an answer is written

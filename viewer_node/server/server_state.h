@@ -17,6 +17,7 @@
 
 #include "viewer_node/server/client_events.h"
 #include "viewer_node/server/foxglove_client.h"
+#include "viewer_node/server/recording_shelf.h"
 #include "viewer_node/server/send_queue.h"
 #include "viewer_node/server/web_limits.h"
 #include "viewer_node/server/web_rules.h"
@@ -28,13 +29,14 @@ class SocketClient;
 
 struct ServerState {
   ServerState(WebRules allowed, ServerDescription described, std::size_t audience,
-              std::chrono::milliseconds patience)
+              std::chrono::milliseconds patience, RecordingShelf recordings)
       : rules(std::move(allowed)),
         description(std::move(described)),
         advertised(make_payload(advertisement(description))),
         most_clients(audience > 0 ? audience : kMaxClients),
         is_audience(audience > 0),
         answer_timeout(patience),
+        shelf(std::move(recordings)),
         clients_of(description.channels.size()),
         subscribers(description.channels.size()) {}
 
@@ -44,6 +46,8 @@ struct ServerState {
   const std::size_t most_clients;  ///< WebSockets
   const bool is_audience;          ///< each client gets the newest, as fast as it reads
   const std::chrono::milliseconds answer_timeout;
+
+  RecordingShelf shelf;
 
   std::size_t connections = 0;                                       ///< HTTP and WebSocket
   std::map<boost::asio::ip::address, std::size_t> connections_of{};  ///< by the peer's address
@@ -55,6 +59,7 @@ struct ServerState {
   std::uint64_t next_client = 1;
   std::string metrics{};  ///< the body of /metrics
   std::string verdict{};  ///< the body of /verdict
+  std::string task{};     ///< the body of /task
 
   std::vector<std::atomic<std::uint32_t>> subscribers;  ///< their number, by channel
   std::atomic<std::uint32_t> client_count{0};

@@ -128,11 +128,22 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
   }
 
   if (path == "/healthz") return {.status = 200, .text = "ok\n"};
-  if (path == "/metrics" || path == "/verdict") {
+  if (path == "/metrics" || path == "/verdict" || path == "/task") {
     if (!is_known_origin(request, rules))
       return refusal(403, "pages of this origin may not read the metrics\n");
     if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
-    return {.status = 200, .is_metrics = path == "/metrics", .is_verdict = path == "/verdict"};
+    return {.status = 200,
+            .is_metrics = path == "/metrics",
+            .is_verdict = path == "/verdict",
+            .is_task = path == "/task"};
+  }
+  constexpr std::string_view kRecordings = "/recordings";
+  if (path == kRecordings || path.starts_with("/recordings/")) {
+    if (!is_known_origin(request, rules))
+      return refusal(403, "pages of this origin may not read recordings\n");
+    if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
+    if (path == kRecordings) return {.status = 200, .is_list = true};
+    return {.status = 200, .recording = std::string(path.substr(kRecordings.size() + 1))};
   }
   for (const WebAsset& asset : web_assets()) {
     if (path != asset.path) continue;

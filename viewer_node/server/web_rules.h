@@ -41,6 +41,9 @@ struct WebDecision {
   const WebAsset* asset = nullptr;
   bool is_metrics = false;         ///< the body is that of WebServer::set_metrics()
   bool is_verdict = false;         ///< the body is that of WebServer::set_verdict()
+  bool is_task = false;            ///< the body is that of WebServer::set_task()
+  bool is_list = false;            ///< the body is the list of recordings
+  std::string recording{};         ///< the body is the recording of that name; empty: none
   std::string_view subprotocol{};  ///< of the WebSocket
   bool closes = false;             ///< the connection, after the answer
 };

@@ -65,7 +65,7 @@ void allow_descriptors(std::size_t clients) {
 
 class WebServer::Impl {
  public:
-  Impl(const WebServerConfig& config, ServerDescription description);
+  Impl(const WebServerConfig& config, const ServerDescription& description);
   ~Impl();
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -100,8 +100,9 @@ class WebServer::Impl {
   std::thread thread_;
 };
 
-WebServer::Impl::Impl(const WebServerConfig& config, ServerDescription description)
-    : state(config.rules, std::move(description), config.audience, config.answer_timeout) {
+WebServer::Impl::Impl(const WebServerConfig& config, const ServerDescription& description)
+    : state(config.rules, description, config.audience, config.answer_timeout,
+            RecordingShelf(config.record_folder, description.session_name)) {
   if (config.audience > 0) allow_descriptors(config.audience);
   error_code error;
   const asio::ip::address address = asio::ip::make_address(config.address, error);
@@ -271,6 +272,18 @@ void WebServer::set_metrics(std::string text) {
 void WebServer::set_verdict(std::string json) {
   asio::post(impl_->io, [impl = impl_.get(), json = std::move(json)]() mutable {
     impl->state.verdict = std::move(json);
+  });
+}
+
+void WebServer::set_task(std::string json) {
+  asio::post(impl_->io, [impl = impl_.get(), json = std::move(json)]() mutable {
+    impl->state.task = std::move(json);
+  });
+}
+
+void WebServer::set_recordings(bool may_be_read, std::string written) {
+  asio::post(impl_->io, [impl = impl_.get(), may_be_read, written = std::move(written)]() mutable {
+    impl->state.shelf.set(may_be_read, std::move(written));
   });
 }
 

@@ -39,6 +39,9 @@ struct WebServerConfig {
   /// A client that takes none of its answer for so long is disconnected.
   std::chrono::milliseconds answer_timeout = kAnswerTimeout;
   WebRules rules{};
+  /// Where the recordings are that may be downloaded, once set_recordings() allows it; empty: there
+  /// are none.
+  std::string record_folder{};
 };
 
 class WebServer {
@@ -72,6 +75,11 @@ class WebServer {
   void set_metrics(std::string text);
   /// Sets the body of /verdict: JSON.
   void set_verdict(std::string json);
+
+  /// Sets the body of /task: JSON.
+  void set_task(std::string json);
+  /// @see RecordingShelf::set()
+  void set_recordings(bool may_be_read, std::string written);
 
   using Event = ClientEvent;
   /// What clients did since the last call, in order.

@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -13,6 +14,7 @@
 #include <set>
 #include <span>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -56,6 +58,7 @@ struct LaunchCommand {
   bool are_chosen = false;  ///< by --nodes
   bool is_together = false;
   bool is_emulated = false;
+  bool ends_with_task = false;
 
   void add_to(CLI::App& app);
   /// The session has a standby that --nodes names or whose links do not leave this machine.
@@ -97,6 +100,8 @@ void LaunchCommand::add_to(CLI::App& app) {
           ->each([this](const std::string&) { are_chosen = true; });
   app.add_flag("--emulate", is_emulated,
                "start a stand-in for the session's real device, too: palpate emulate");
+  app.add_flag("--until-task-ends", ends_with_task,
+               "stop 2 s after the task of the session has ended");
   app.add_flag_callback(
          "--no-viewer", [this] { nodes.erase("viewer"); },
          "do not start viewer_node: no page, no status line")
@@ -108,6 +113,8 @@ void LaunchCommand::add_to(CLI::App& app) {
 bool has_short_log(const Verbosity& verbosity) {
   return verbosity.is_quiet || (!verbosity.is_verbose && isatty(STDERR_FILENO) == 1);
 }
+
+constexpr Duration kScoreShown = std::chrono::seconds(2);
 
 /// One for each side, or none.
 std::vector<std::string> tables_of(const Session& session, const OutputOptions& output) {
@@ -135,7 +142,7 @@ class RunObserver {
     if (!may_observe) return;
     feed_.emplace(session, clock_, links_);
     if (session.task) {
-      task_.emplace(*session.task, session.scene.tip_radius_m);
+      task_.emplace(*session.task, session.scene.tool());
       feed_->subscriber().subscribe<SceneState>();
     }
     if (!output.record_file.empty()) {
@@ -195,6 +202,12 @@ class RunObserver {
 
   /// Of the session's task, after finish(); null: it has none, or is not observed.
   [[nodiscard]] const TaskScore* task() const { return task_ ? &task_->score() : nullptr; }
+  /// The task has ended long enough ago for its score to have been seen.
+  [[nodiscard]] bool is_task_over() {
+    if (!task_ || !task_->has_ended()) return false;
+    if (!task_ended_at_) task_ended_at_ = clock_.now();
+    return clock_.now() - *task_ended_at_ > kScoreShown;
+  }
 
   /// Empty: this run is not observed.
   [[nodiscard]] const std::vector<ObservedDevice>& devices() const { return devices_; }
@@ -222,6 +235,7 @@ class RunObserver {
                                                              "stop it"
                                                            : "press t to stop the task") +
            (session_.task->palpation() != nullptr ? "; press m to mark a find"
+            : session_.task->needle() != nullptr  ? "; press m to mark the loss of resistance"
                                                   : "; press m to set a marker");
   }
   /// By a person, or by itself.
@@ -293,6 +307,7 @@ class RunObserver {
   std::vector<std::unique_ptr<CsvWriter>> csvs_;
   std::optional<viewer::Recording> recording_;
   std::optional<TaskEvaluator> task_;
+  std::optional<TimePoint> task_ended_at_;
   std::set<std::string> started_;  // sides whose physics was heard
   bool has_lost_recording_ = false;
   HeapTrim heap_;
@@ -342,6 +357,10 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   std::set<std::string> here = nodes;
   if (!has_standby_here(loaded)) here.erase("standby");
 
+  if (ends_with_task && !loaded.task) {
+    throw SetupError("--until-task-ends: " + loaded.file +
+                     " has no task; leave it out, or give task { … }");
+  }
   // a viewer, a table and a recording need the viewer's key; the summary uses it if it is there
   const bool must_observe =
       nodes.contains("viewer") || !output.csv_file.empty() || !output.record_file.empty();
@@ -369,6 +388,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
     if (has_page) page = announce_page(web);
     return page ? page->descriptor() : -1;
   };
+  std::stop_source task_over;
   LaunchResult result =
       launch({.session_file = session.file,
               .overrides = session.overrides,
@@ -384,8 +404,13 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
               .nodes = here,
               .is_together = is_together,
               .before_restart = [&] { require_same_trust(loaded, code, trusted); },
-              .on_poll = [&] { observer.pump(); },
-              .on_end = [&] { observer.leave_run_folder(); }});
+              .on_poll =
+                  [&] {
+                    observer.pump();
+                    if (ends_with_task && observer.is_task_over()) task_over.request_stop();
+                  },
+              .on_end = [&] { observer.leave_run_folder(); }},
+             task_over.get_token());
   if (here.contains("device") && here.contains("mofc") && here.contains("physics")) {
     result.processors = usable_processors();
     if (double load = 0.0; getloadavg(&load, 1) == 1) result.load = load;

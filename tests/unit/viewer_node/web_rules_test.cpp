@@ -56,6 +56,29 @@ TEST(WebRules, MetricsAreForWhoeverMayLookOn) {
   EXPECT_TRUE(decide(request, {.token = "secret"}).is_metrics);
 }
 
+TEST(WebRules, TheTaskNeedsTheTokenToo) {
+  WebRequest request = page();
+  request.target = "/task";
+  EXPECT_TRUE(decide(request, {}).is_task);
+  EXPECT_EQ(decide(request, {.token = "secret"}).status, 401U);
+  request.authorization = "Bearer secret";
+  EXPECT_TRUE(decide(request, {.token = "secret"}).is_task);
+}
+
+TEST(WebRules, RecordingsNeedTheTokenAndAKnownOrigin) {
+  WebRequest request = page();
+  request.target = "/recordings?token=secret";
+  const WebRules rules{.token = "secret"};
+  EXPECT_TRUE(decide(request, rules).is_list);
+  request.target = "/recordings/x-20261128-010203.mcap?token=secret";
+  EXPECT_EQ(decide(request, rules).recording, "x-20261128-010203.mcap");
+  request.target = "/recordings/x-20261128-010203.mcap";
+  EXPECT_EQ(decide(request, rules).status, 401U);
+  EXPECT_EQ(decide(request, {}).recording, "x-20261128-010203.mcap");
+  request.origin = "http://elsewhere";
+  EXPECT_EQ(decide(request, {}).status, 403U);
+}
+
 TEST(WebRules, SendNothingAgainThatTheBrowserHas) {
   WebRequest request = page();
   request.if_none_match = decide(request, {}).asset->etag;

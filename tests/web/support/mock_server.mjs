@@ -123,6 +123,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     refuses_changes: false,
     requests: [], // every RunRequest received
     recorder: { isPossible: true, isRecording: false, file: "", lengthS: 0, problem: "" },
+    recordings: [], // that may be downloaded
     markers: [],
     replay: undefined, // as in palpate.v1.Health
     task: undefined, // likewise; a page that starts, marks and stops changes it
@@ -326,6 +327,14 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     const { pathname } = new URL(request.url, "http://x");
     if (pathname === "/verdict") {
       response.writeHead(world.refusal === 401 ? 401 : 200).end();
+      return;
+    }
+    if (pathname === "/recordings") {
+      response.writeHead(200, { "Content-Type": "application/json" }).end(JSON.stringify(world.recordings));
+      return;
+    }
+    if (world.recordings.some(({ name }) => pathname === `/recordings/${name}`)) {
+      response.writeHead(200, { "Content-Type": "application/octet-stream" }).end("mcap");
       return;
     }
     const entry = types[pathname];

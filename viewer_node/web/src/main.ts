@@ -15,6 +15,7 @@ import {
   write_session, write_state, write_tissues,
 } from "./panels";
 import { Plots, type ForceAxis } from "./plots";
+import { RecordingList } from "./recordings";
 import { RunControl } from "./run";
 import { SceneView } from "./scene/scene_view";
 import { Sides } from "./sides";
@@ -58,6 +59,7 @@ const run = new RunControl(by_id("tools"), by_id("replay"), timeline_card.marker
   (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
 const task = new TaskPanel(by_id("task"),
   (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
+const recordings = new RecordingList(by_id<HTMLDetailsElement>("recordings"), location.search);
 const counters = new Counters(by_id("plots"));
 const chips = new NodeChips(by_id("nodes"));
 const measure = new Measure(by_id<SVGSVGElement>("triad"));
@@ -107,6 +109,7 @@ const handlers: Record<string, Handler> = {
     telemetry.take_health(message, seconds(), sides.shown);
     hand.review();
     task.take(message);
+    recordings.take(message.recorder);
     if (map && !task.has_ended) { // a replay that has gone back
       map = null;
       show_map();

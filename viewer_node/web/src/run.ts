@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // run.ts: what a page may ask of the run: markers, a recording, and control of a replay.
 import { make, write } from "./card";
-import type { Health, ReplayState, RunRequest } from "./wire";
+import { TaskKind, type Health, type ReplayState, type RunRequest } from "./wire";
 
 const kSpeeds = [0.1, 0.25, 0.5, 1, 2, 5];
 const kSeekKey_s = 1;
@@ -103,7 +103,7 @@ export class RunControl {
     this.health = health;
     const { recorder, replay } = health;
     this.record.hidden = !this.can_publish || !recorder?.isPossible || replay !== undefined;
-    this.marker.hidden = !this.can_publish || replay !== undefined || health.task?.isSearch === true; // a find has its own button
+    this.marker.hidden = !this.can_publish || replay !== undefined || (health.task !== undefined && health.task.kind !== TaskKind.free); // its marks have their own button
     this.text.hidden = this.marker.hidden;
     const is_recording = recorder?.isRecording ?? false;
     this.record.setAttribute("aria-pressed", String(is_recording));

@@ -196,13 +196,7 @@ export interface Health {
   framesRejected: bigint;
   handHolder: bigint;
   version: string;
-  recorder?: {
-    isPossible: boolean;
-    isRecording: boolean;
-    file: string;
-    lengthS: number;
-    problem: string;
-  };
+  recorder?: RecorderState;
   sides: SideState[]; // empty: one device
   markers: { atNs: bigint; text: string; origin: string }[];
   replay?: ReplayState; // absent: a live session
@@ -230,10 +224,17 @@ export interface SideState {
   pointer?: PointerHand; // absent: its hand follows no page
   workspaceScaleRatio: number;
 }
+export interface RecorderState {
+  isPossible: boolean;
+  isRecording: boolean;
+  file: string;
+  lengthS: number;
+  problem: string;
+}
 export interface TaskState {
   phase: TaskPhase;
   briefing: string;
-  isSearch: boolean;
+  kind: TaskKind;
   elapsedS: number;
   timeS: number; // 0: no limit
   marks: number;
@@ -246,6 +247,7 @@ export interface TaskMap {
   isSearched: Uint8Array; // of each place, 0 or 1
 }
 export enum TaskPhase { waiting, running, ended }
+export enum TaskKind { free, palpation, needle }
 export enum MarkerKind { note, task_start, task_stop }
 export interface ReplayState {
   file: string;

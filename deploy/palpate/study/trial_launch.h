@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// trial_launch.h — one trial in real time: `palpate launch` until its task ends.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+struct TrialLaunch {
+  std::string session_file;
+  std::vector<std::string> overrides{};
+  std::optional<double> seconds{};
+  std::string recording;
+  bool is_quiet = false;
+};
+
+/// Runs it as a process of its own, with this terminal, and waits for its end. False: it failed or
+/// was stopped by a signal to this process or by Ctrl-C. Throws std::runtime_error if it cannot be
+/// started.
+[[nodiscard]] bool launch_trial(const TrialLaunch& trial);
+
+}  // namespace palpate

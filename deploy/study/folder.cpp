@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "deploy/study/folder.h"
+
+#include <fcntl.h>
+#include <spdlog/fmt/fmt.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <sstream>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "common/core/check.h"
+#include "common/core/random.h"
+#include "common/core/user/files.h"
+#include "common/core/user/output_file.h"
+#include "common/task/score_table.h"
+#include "common/telemetry/csv_writer.h"
+
+namespace palpate::study {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uintmax_t kMostBytes = 100'000;
+constexpr const char* kOwnColumns =
+    "study,participant,trial,block,trial_in_block,code,difference_ratio,alternative,right,";
+constexpr std::size_t kCodeCell = 5;
+constexpr std::size_t kRightCell = 8;
+constexpr const char* kRowFile = "row.csv";
+
+void write_whole(const fs::path& file, const std::string& text) {
+  OutputFile out("study", file.string(), OutputFile::Kind::kWhole, true);
+  if (!out.write(text) || !out.close()) throw std::runtime_error(out.complaint());
+}
+
+/// Of the study's own cells, none of which is quoted.
+std::vector<std::string> own_cells(const std::string& row) {
+  std::vector<std::string> cells;
+  std::istringstream in(row);
+  std::string cell;
+  while (cells.size() <= kRightCell && std::getline(in, cell, ',')) cells.push_back(cell);
+  return cells;
+}
+
+std::string after_first_cell(const std::string& row) { return row.substr(row.find(',') + 1); }
+
+std::string figure_cells(const TaskScore& score) {
+  const std::string table = palpate::table_csv({{.run = "", .score = score}});
+  return after_first_cell(table.substr(table.find('\n') + 1));
+}
+
+}  // namespace
+
+std::string Folder::header() {
+  const std::string table = palpate::table_csv({});
+  return kOwnColumns + after_first_cell(table);
+}
+
+Folder::Folder(fs::path path, const Plan& plan) : path_(std::move(path)), plan_(plan) {
+  const fs::path mark = path_ / "study.txt";
+  const std::string content =
+      fmt::format("study {}\nfingerprint {:016x}\n", plan.name, plan.fingerprint);
+  std::error_code error;
+  if (fs::exists(mark, error)) {
+    if (read_text_file(mark, kMostBytes).bytes == content) return;
+    throw SetupError(path_.string() +
+                     ": holds the results of another study, or the plan, its session or a file of "
+                     "it has changed since; give another folder with --folder");
+  }
+  fs::create_directories(path_, error);
+  if (error) {
+    throw SetupError(path_.string() + ": " + error.message() +
+                     "; give another folder with --folder");
+  }
+  if (!fs::is_empty(path_, error)) {
+    throw SetupError(path_.string() +
+                     ": is no folder of a study and not empty; give another one with --folder");
+  }
+  std::string key = "code,condition\n";
+  const std::vector<std::string> codes = codes_of(plan);
+  for (std::size_t i = 0; i < codes.size(); ++i) {
+    key += codes[i] + "," + csv_cell(plan.conditions[i].name) + "\n";
+  }
+  write_whole(path_ / "key.csv", key);
+  write_whole(mark, content);
+}
+
+fs::path Folder::folder_of(std::uint64_t participant) const {
+  return path_ / fmt::format("P{:03}", participant);
+}
+
+fs::path Folder::trial_folder(std::uint64_t participant, std::uint64_t number) const {
+  return folder_of(participant) / fmt::format("trial_{:03}", number);
+}
+
+fs::path Folder::begin(const Trial& trial) const {
+  const fs::path folder = trial_folder(trial.participant, trial.number);
+  std::error_code error;
+  fs::remove_all(folder, error);
+  if (!error) fs::create_directories(folder, error);
+  if (error) throw std::runtime_error(folder.string() + ": " + error.message());
+  return folder;
+}
+
+void Folder::keep(const Trial& trial, const TaskScore& score, std::optional<bool> is_right) const {
+  std::string row =
+      fmt::format("{},{},{},{},{},{},", plan_.name, trial.participant, trial.number,
+                  trial.block + 1, trial.in_block + 1, codes_of(plan_)[trial.condition]);
+  row += plan_.staircase ? fmt::format("{:.9g},{},{},", trial.difference_ratio,
+                                       trial.alternative + 1, is_right.value_or(false) ? 1 : 0)
+                         : ",,,";
+  write_whole(trial_folder(trial.participant, trial.number) / kRowFile,
+              header() + row + figure_cells(score));
+}
+
+std::vector<TrialRow> Folder::rows(std::uint64_t participant) const {
+  std::vector<TrialRow> rows;
+  for (std::uint64_t number = 1;; ++number) {
+    const fs::path file = trial_folder(participant, number) / kRowFile;
+    std::error_code error;
+    if (!fs::exists(file, error)) return rows;
+    const std::string text = read_text_file(file, kMostBytes).bytes;
+    const std::size_t second = text.find('\n') + 1;
+    const std::vector<std::string> cells = own_cells(text.substr(second));
+    if (!text.starts_with(header()) || cells.size() <= kRightCell) {
+      throw SetupError(file.string() +
+                       ": is no row of this study; remove the folder of the trial to do it again");
+    }
+    TrialRow row{
+        .participant = participant, .code = cells[kCodeCell], .cells = text.substr(second)};
+    if (!cells[kRightCell].empty()) row.is_right = cells[kRightCell] == "1";
+    rows.push_back(std::move(row));
+  }
+}
+
+std::vector<std::uint64_t> Folder::participants() const {
+  std::vector<std::uint64_t> found;
+  for (const auto& entry : fs::directory_iterator(path_)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_number = name.size() > 1 && name[0] == 'P' &&
+                           name.find_first_not_of("0123456789", 1) == std::string::npos;
+    if (!is_number || name.size() >= 10) continue;
+    const std::uint64_t participant = std::stoull(name.substr(1));
+    if (fs::exists(trial_folder(participant, 1) / kRowFile)) found.push_back(participant);
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+ParticipantLock::ParticipantLock(const Folder& folder, std::uint64_t participant) {
+  const fs::path own = folder.folder_of(participant);
+  std::error_code error;
+  fs::create_directories(own, error);
+  lock_ = ::open((own / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
+  if (lock_ < 0) {
+    throw SetupError(own.string() + ": " + std::generic_category().message(errno) +
+                     "; give another folder with --folder");
+  }
+  if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
+    ::close(lock_);
+    throw SetupError(own.string() +
+                     ": another `palpate study` does the trials of this participant; wait for it");
+  }
+}
+
+ParticipantLock::~ParticipantLock() { ::close(lock_); }
+
+// --- series -------------------------------------------------------------------------------------
+
+Series::Series(const Plan& plan, std::uint64_t participant)
+    : plan_(plan), participant_(participant), order_(order_of(plan, participant)) {
+  if (plan.staircase) staircases_.emplace_back(*plan.staircase);
+}
+
+std::optional<Trial> Series::next() const {
+  if (block_ == order_.size()) return std::nullopt;
+  Trial trial{.participant = participant_,
+              .number = done_ + 1,
+              .block = block_,
+              .condition = order_[block_],
+              .in_block = in_block_};
+  if (plan_.staircase) {
+    trial.alternative = Random(trial.seed(plan_)).below(plan_.staircase->alternatives.size());
+    trial.difference_ratio = staircases_.back().difference_ratio();
+  }
+  return trial;
+}
+
+void Series::take(std::optional<bool> is_right) {
+  ++done_;
+  ++in_block_;
+  bool is_block_done = in_block_ == plan_.repeats;
+  if (plan_.staircase) {
+    staircases_.back().answer(is_right.value_or(false));
+    is_block_done = staircases_.back().is_done();
+  }
+  if (!is_block_done) return;
+  ++block_;
+  in_block_ = 0;
+  if (plan_.staircase && block_ < order_.size()) staircases_.emplace_back(*plan_.staircase);
+}
+
+}  // namespace palpate::study

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "deploy/study/plan.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <set>
+
+#include "common/core/check.h"
+#include "common/core/problems.h"
+#include "common/core/random.h"
+#include "common/session/session_file.h"
+#include "deploy/campaign/checked_text.h"
+#include "palpate/v1/study.pb.h"
+
+namespace palpate::study {
+namespace {
+
+constexpr int kMostConditions = 26;  // one letter each
+
+template <class Texts>
+std::vector<std::string> list_of(const Texts& texts) {
+  return {texts.begin(), texts.end()};
+}
+
+StaircasePlan to_staircase(const v1::StudyStaircase& written, const campaign::CheckedText& text) {
+  StaircasePlan staircase{.field = written.field(), .reference = written.reference()};
+  if (written.has_start_ratio()) staircase.start_ratio = written.start_ratio();
+  if (written.has_step_factor()) staircase.step_factor = written.step_factor();
+  if (written.has_right_answers()) staircase.right_answers = written.right_answers();
+  if (written.has_reversals()) staircase.reversals = written.reversals();
+  if (written.has_most_trials()) staircase.most_trials = written.most_trials();
+  for (const v1::StudyAlternative& one : written.alternative()) {
+    staircase.alternatives.push_back(list_of(one.set()));
+  }
+  if (staircase.alternatives.size() < 2) {
+    text.problem("staircase",
+                 "needs at least two of alternative { set: … }, where the difference "
+                 "may be");
+  }
+  return staircase;
+}
+
+Plan to_plan(const v1::Study& written, const campaign::CheckedText& text) {
+  Plan plan;
+  plan.name = written.name();
+  text.check_name(plan.name);
+  plan.overrides = list_of(written.set());
+  std::set<std::string> names;
+  for (int i = 0; i < written.condition_size(); ++i) {
+    const v1::StudyCondition& one = written.condition(i);
+    if (!names.insert(one.name()).second) {
+      text.problem(fmt::format("condition[{}].name", i),
+                   "another condition has this name too; give each its own");
+    }
+    plan.conditions.push_back({.name = one.name(), .overrides = list_of(one.set())});
+  }
+  if (plan.conditions.empty() || written.condition_size() > kMostConditions) {
+    text.problem("condition", "1 … 26 are required; give condition { name: … set: … }");
+  }
+  if (written.has_repeats()) plan.repeats = written.repeats();
+  if (written.has_seconds()) plan.seconds = written.seconds();
+  if (written.has_seed()) plan.seed = written.seed();
+  if (written.has_staircase()) {
+    plan.staircase = to_staircase(written.staircase(), text);
+    if (written.has_repeats()) {
+      text.problem("repeats", "a staircase ends by itself; leave repeats out");
+    }
+  }
+  return plan;
+}
+
+/// All sets of overrides that a trial may have, without that of the staircase's field.
+std::vector<std::vector<std::string>> overrides_of(const Plan& plan) {
+  std::vector<std::vector<std::string>> all;
+  for (const Condition& condition : plan.conditions) {
+    std::vector<std::string> one = plan.overrides;
+    one.insert(one.end(), condition.overrides.begin(), condition.overrides.end());
+    if (!plan.staircase) {
+      all.push_back(std::move(one));
+      continue;
+    }
+    one.push_back(fmt::format("{}={}", plan.staircase->field, plan.staircase->reference));
+    for (const auto& alternative : plan.staircase->alternatives) {
+      all.push_back(one);
+      all.back().insert(all.back().end(), alternative.begin(), alternative.end());
+    }
+  }
+  return all;
+}
+
+std::string bytes_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace
+
+Plan load_plan(const std::filesystem::path& file) {
+  Problems problems(file.string());
+  v1::Study written;
+  const campaign::CheckedText text(file, "study", written, problems);
+  Plan plan = to_plan(written, text);
+  problems.throw_if_any();
+  plan.file = file;
+  plan.session_file = (file.parent_path() / written.session()).lexically_normal();
+  std::string all = written.DebugString();
+  std::vector<std::string> named;  // overrides of any trial
+  for (const std::vector<std::string>& overrides : overrides_of(plan)) {
+    named.insert(named.end(), overrides.begin(), overrides.end());
+    const Session session = load_session(plan.session_file, overrides);
+    if (!session.task) {
+      throw SetupError(plan.session_file.string() +
+                       ": has no task, so its trials have no score; give task { … }");
+    }
+    const auto* search = session.task->palpation();
+    if (plan.staircase && (search == nullptr || search->targets.empty())) {
+      throw SetupError(
+          plan.session_file.string() +
+          ": a staircase needs task { palpation { target { … } } }: an answer is right "
+          "if the first mark is where a target is");
+    }
+  }
+  for (const std::string& name : files_of_any(plan.session_file, named)) {
+    all += name + bytes_of(name);
+  }
+  plan.fingerprint = fnv1a(all);
+  return plan;
+}
+
+}  // namespace palpate::study

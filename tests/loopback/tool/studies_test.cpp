@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// Studies with the real programs: participants whose senses are known, a study that is killed, and
+// trials in real time.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "tests/support/program.h"
+#include "tests/support/run_folder.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate {
+namespace {
+
+using test::Outcome;
+using test::Program;
+using test::run_program;
+using test::text_of;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::MatchesRegex;
+using testing::Not;
+
+constexpr const char* kSessions = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/";
+
+class Studies : public testing::Test {
+ protected:
+  [[nodiscard]] std::string path(const std::string& name) const {
+    return (files_.path() / name).string();
+  }
+  static Outcome palpate(const std::vector<std::string>& arguments) {
+    return run_program("palpate", arguments);
+  }
+  [[nodiscard]] std::string plan(const std::string& text) const {
+    return files_.write("plan.txtpb", "name: \"try\" " + text);
+  }
+  /// One trial is one press on each pad, 1.8 s a pad.
+  [[nodiscard]] std::string staircase_plan(const std::string& reversals) const {
+    return plan(std::string("session: \"") + kSessions +
+                "stiffer_side.txtpb\" condition { name: \"as it is\" } seconds: 4.2 staircase { "
+                "field: \"scene.tissue[0].kelvin_voigt.inclusion[0].stiffness_newton_per_m\" "
+                "reference: 150 start_ratio: 0.2 reversals: " +
+                reversals +
+                " alternative { set: "
+                "\"scene.tissue[0].kelvin_voigt.inclusion[0].center_m.x=-0.03\" } alternative { "
+                "set: \"scene.tissue[0].kelvin_voigt.inclusion[0].center_m.x=0.03\" } }");
+  }
+  [[nodiscard]] std::vector<std::string> trials(const std::string& plan_file,
+                                                const std::string& folder,
+                                                const std::string& participant) const {
+    return {"study",     plan_file,    "--folder", path(folder), "--participant",
+            participant, "--loopback", "--weber",  "0.1"};
+  }
+  [[nodiscard]] std::string table(const std::string& plan_file, const std::string& folder) const {
+    return palpate({"study", "report", plan_file, "--folder", path(folder), "--csv", "-"}).out;
+  }
+
+  test::RunFolder run_folder_;
+  test::TempFolder files_;
+};
+
+/// Φ⁻¹(√½), the difference of two forces in units of their noise that is told rightly in 70.7 %.
+constexpr double kLevitt2 = 0.54516;
+
+TEST_F(Studies, AStaircaseFindsTheThresholdOfParticipantsWhoseSensesAreKnown) {
+  const std::string file = staircase_plan("14");
+  for (const char* participant : {"1", "2", "3", "4", "5", "6"}) {
+    const Outcome outcome = palpate(trials(file, "s", participant));
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+  }
+  const Outcome report = palpate({"study", "report", file, "--folder", path("s"), "--unblind"});
+  ASSERT_EQ(report.status, 0) << report.err;
+  std::smatch found;
+  ASSERT_TRUE(std::regex_search(
+      report.out, found,
+      std::regex("as it is .*threshold ([0-9.]+) % \\(95 % interval ([0-9.]+) … ([0-9.]+) %, 6 ")))
+      << report.out;
+  // d/(W √(1 + (1 + d)²)) = Φ⁻¹(√½) with W = 0.1
+  double expected = 0.1;
+  for (int i = 0; i < 50; ++i) {
+    expected = kLevitt2 * 0.1 * std::sqrt(1.0 + (1.0 + expected) * (1.0 + expected));
+  }
+  EXPECT_NEAR(std::stod(found[1]) / (100.0 * expected), 1.0, 0.35) << report.out;
+  EXPECT_LT(std::stod(found[2]), 100.0 * expected) << report.out;
+  EXPECT_GT(std::stod(found[3]), 100.0 * expected) << report.out;
+}
+
+TEST_F(Studies, AKillCostsTheTrialThatRunsAndNothingElse) {
+  const std::string file = staircase_plan("6");
+  const Outcome whole = palpate(trials(file, "whole", "1"));
+  ASSERT_EQ(whole.status, 0) << whole.err;
+  const auto row = [&](const std::string& number) {
+    return std::filesystem::exists(path("cut") + "/P001/trial_" + number + "/row.csv");
+  };
+  {
+    Program running("palpate", trials(file, "cut", "1"));
+    ASSERT_TRUE(test::await([&] { return row("003"); })) << running.err();
+    running.send_signal(SIGKILL);
+    running.wait();
+  }
+  EXPECT_THAT(table(file, "cut"), Not(table(file, "whole")));
+  EXPECT_EQ(palpate(trials(file, "cut", "1")).status, 0);
+  EXPECT_EQ(table(file, "cut"), table(file, "whole"));
+  EXPECT_EQ(std::count(table(file, "cut").begin(), table(file, "cut").end(), '\n') > 8, true);
+}
+
+TEST_F(Studies, NoisyHandsDoTheTrialsOfAShippedStudyInBalancedOrder) {
+  const std::string study = PALPATE_SOURCE_DIR "/deploy/studies/epidural_delay.txtpb";
+  for (const char* participant : {"1", "2"}) {
+    const Outcome outcome =
+        palpate({"study", study, "--folder", path("e"), "--participant", participant, "--loopback",
+                 "--hand-noise-mm", "0.3", "-q", "--trials", "4"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+  }
+  const Outcome report = palpate(
+      {"study", "report", study, "--folder", path("e"), "--unblind", "--csv", path("e.csv")});
+  EXPECT_EQ(report.status, 0) << report.err;
+  const std::string csv = text_of(path("e.csv"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 9);
+  EXPECT_THAT(csv, AllOf(HasSubstr("condition,study,participant,trial,"),
+                         HasSubstr("\nforce,epidural_delay,1,1,1,1,"),
+                         HasSubstr("\nno force,epidural_delay,1,4,2,1,"),
+                         HasSubstr("\nno force,epidural_delay,2,1,1,1,"), HasSubstr(",needle,")));
+}
+
+TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
+  const std::string session = files_.write("hold.txtpb", R"(
+    name: "study_hold" realtime { priority: 0 cpu: -1 } viewer { web { disabled: true } }
+    scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+    task { free {} time_s: 1 }
+  )");
+  const std::string file = plan("session: \"hold.txtpb\" condition { name: \"one\" } repeats: 2");
+  const Outcome first =
+      palpate({"study", file, "--folder", path("r"), "--participant", "7", "--trials", "1"});
+  EXPECT_EQ(first.status, 0) << first.err;
+  EXPECT_THAT(first.err, HasSubstr("participant 7 goes on with trial 2"));
+  const std::string csv = table(file, "r");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 2);
+  EXPECT_THAT(csv, HasSubstr("\ntry,7,1,1,1,A,,,,free,"));
+}
+
+TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {
+  const auto refusal = [&](const std::string& text) {
+    const Outcome outcome = palpate({"study", plan(text), "--participant", "1"});
+    EXPECT_EQ(outcome.status, 2);
+    return outcome.err;
+  };
+  const std::string session = std::string("session: \"") + kSessions + "epidural.txtpb\" ";
+  EXPECT_THAT(refusal(session), HasSubstr("condition: 1 … 26 are required"));
+  EXPECT_THAT(refusal(session + "condition { name: \"a\" } condition { name: \"a\" }"),
+              AllOf(HasSubstr("plan.txtpb:1:"), HasSubstr("condition[1].name: another condition")));
+  EXPECT_THAT(refusal(session + "condition { name: \"a\" set: \"mofc.mode=best\" }"),
+              HasSubstr("mofc.mode"));
+  EXPECT_THAT(refusal(session + "condition { name: \"a\" } staircase { field: \"duration_s\" "
+                                "reference: 1 alternative {} alternative {} }"),
+              HasSubstr("a staircase needs task { palpation"));
+  EXPECT_THAT(refusal(std::string("session: \"") + kSessions +
+                      "../default.txtpb\" condition { name: \"a\" }"),
+              HasSubstr("has no task"));
+  EXPECT_THAT(refusal("condition { nam: \"a\" }"), HasSubstr("nam"));
+  EXPECT_THAT(palpate({"study", plan(session + "condition { name: \"a\" }")}).err,
+              HasSubstr("give --participant N"));
+}
+
+}  // namespace
+}  // namespace palpate
