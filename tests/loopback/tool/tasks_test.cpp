@@ -246,8 +246,9 @@ TEST_F(Tasks, WhatAStiffHandDoesWithANeedleFollowsFromItsPath) {
   EXPECT_NEAR(task["insertion_depth_m"].get<double>() / 0.0347, 1.0, 0.01);
   EXPECT_NEAR(task["path_m"].get<double>() / 0.0447, 1.0, 0.01);
   EXPECT_NEAR(task["time_s"].get<double>() / 9.5, 1.0, 0.01);
-  // the flavum gives way 2 mm below its top at 30 mm, the path is there at 5.125 s + 4 mm / 2.5
-  // mm/s
+  // the flavum gives way 1.8 N / (1400 N/m) below its top at 30 mm; the path goes from 28 mm on at
+  // 5.125 s with 2.5 mm/s
+  const double gives_way_m = 0.030 + 1.8 / 1400.0;
   const json& flavum = task["layers"][3];
   EXPECT_NEAR(flavum["puncture_depth_m"].get<double>() / gives_way_m, 1.0, 0.01);
   EXPECT_NEAR(flavum["punctured_after_s"].get<double>() / (5.125 + (gives_way_m - 0.028) / 0.0025),
