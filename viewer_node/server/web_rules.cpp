@@ -137,13 +137,14 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
             .is_verdict = path == "/verdict",
             .is_task = path == "/task"};
   }
-  constexpr std::string_view kRecordings = "/recordings";
-  if (path == kRecordings || path.starts_with("/recordings/")) {
+  constexpr std::string_view kFolder = "/recordings/";
+  const std::string_view recording = path.starts_with(kFolder) ? path.substr(kFolder.size()) : "";
+  if (path == "/recordings" || !recording.empty()) {
     if (!is_known_origin(request, rules))
       return refusal(403, "pages of this origin may not read recordings\n");
     if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
-    if (path == kRecordings) return {.status = 200, .is_list = true};
-    return {.status = 200, .recording = std::string(path.substr(kRecordings.size() + 1))};
+    if (recording.empty()) return {.status = 200, .is_list = true};
+    return {.status = 200, .recording = std::string(recording)};
   }
   for (const WebAsset& asset : web_assets()) {
     if (path != asset.path) continue;
