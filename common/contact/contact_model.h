@@ -85,7 +85,7 @@ struct TissueShare {
 };
 
 /// All contacts of an Interaction at a tool that is at `tool_position_world_m`, each less the share
-/// of its tissue. Touches that are not listed keep the force they had. Zero where it would not be
+/// of its tissue, without those that its jaws hold (elastic/grip.h). Touches that are not listed keep the force they had. Zero where it would not be
 /// finite.
 [[nodiscard]] ModelForce evaluate(const Interaction& interaction,
                                   const Vector3& tool_position_world_m,
