@@ -48,7 +48,8 @@ void reduce_to_range(Interaction& interaction) noexcept {
 JawInput jaw_of(const ToolMotion& motion, std::uint64_t session_id,
                 const ElasticTissues* elastic) noexcept {
   if (elastic == nullptr || !elastic->gripper()) return {};
-  JawInput jaw{.is_closed = ((motion.buttons >> elastic->gripper()->button) & 1U) != 0};
+  JawInput jaw{.is_closed = ((motion.buttons >> elastic->gripper()->button) & 1U) != 0,
+               .velocity_m_per_s = motion.tool_velocity_world_m_per_s};
   if (motion.grip && motion.grip->physics_session_id == session_id) jaw.report = motion.grip;
   return jaw;
 }

@@ -22,19 +22,21 @@ void HeldTissue::lose(State why) noexcept {
 
 /// The law of the newest message; the force goes on where it is.
 void HeldTissue::take(const Contact& contact, const Interaction& newest,
-                      const Vector3& tool_m) noexcept {
+                      const Vector3& at_m, const Vector3& velocity) noexcept {
   const Law law{.place_m = newest.tool_position_world_m - contact.grip.slip_m,
                 .force_newton = contact.elastic_force_on_tool_newton,
-                .stiffness_newton_per_m = -contact.d_force_d_position};
-  const Vector3 at_m = tool_m - report_->slip_m;
-  const Vector3 before = is_held_ ? Vector3(law_.at(at_m) + offset_newton_) : Vector3::Zero();
-  offset_newton_ = before - law.at(at_m);
+                .stiffness_newton_per_m = -contact.d_force_d_position,
+                .damping_newton_s_per_m = -contact.d_force_d_velocity};
+  const Vector3 before =
+      is_held_ ? Vector3(law_.at(at_m, velocity) + offset_newton_) : Vector3::Zero();
+  offset_newton_ = before - law.at(at_m, velocity);
   law_ = law;
   is_held_ = true;
 }
 
 ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
-                            const Vector3& tool_position_world_m, double dt_s) noexcept {
+                            const Vector3& tool_position_world_m,
+                            const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept {
   const Contact* const end = newest.contacts.data() + newest.listed_count;
   const Contact* const contact = std::find_if(
       newest.contacts.data(), end, [](const Contact& one) { return one.grip.number != 0; });
@@ -61,10 +63,11 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   if ((buttons & buttons_) != buttons_) lose(State::kNone);
   if (report_->has_let_go) return {};
 
-  take(*contact, newest, tool_position_world_m);
+  const Vector3 at_m = tool_position_world_m - report_->slip_m;
+  take(*contact, newest, at_m, tool_velocity_world_m_per_s);
   const double offset = offset_newton_.norm();
   offset_newton_ *= offset > 0.0 ? std::max(0.0, 1.0 - newton_per_s_ * dt_s / offset) : 0.0;
-  const Vector3 wanted = law_.at(tool_position_world_m - report_->slip_m) + offset_newton_;
+  const Vector3 wanted = law_.at(at_m, tool_velocity_world_m_per_s) + offset_newton_;
   const GripSlip slip = slip_in_jaws(wanted, law_.stiffness_newton_per_m, grip.slip_newton);
   const Vector3& newton = slip.force_on_tool_newton;
   report_->slip_m += slip.slip_m;

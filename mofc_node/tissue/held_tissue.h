@@ -10,7 +10,7 @@
 
 namespace palpate::mofc {
 
-/// Evaluates the Grip that hop 3 lists: F = f₀ + K (a − a_ref) at a = tool − slip. The slip is
+/// Evaluates the Grip that hop 3 lists: F = f₀ + K (a − a_ref) + B v at a = tool − slip. The slip is
 /// kept here, and reported on hop 2: the tool slips where F is more than the jaws hold
 /// (slip_in_jaws), loses the tissue where F tears it or it has slipped out, and lets go in the tick
 /// in which the button is released. What was lost is not held again until the jaws close anew,
@@ -32,7 +32,8 @@ class HeldTissue {
 
   /// @param buttons  that are held now   @param dt_s  ≥ 0, since the step before
   [[nodiscard]] ModelForce step(const Interaction& newest, std::uint32_t buttons,
-                                const Vector3& tool_position_world_m, double dt_s) noexcept;
+                                const Vector3& tool_position_world_m,
+                                const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
 
   /// The jaws are around this tissue, as hop 3 says; whatever else is known of it does not count.
   [[nodiscard]] bool is_about(std::uint32_t tissue) const noexcept {
@@ -47,12 +48,15 @@ class HeldTissue {
     Vector3 place_m = Vector3::Zero();  // where it has this force
     Vector3 force_newton = Vector3::Zero();
     Matrix3 stiffness_newton_per_m = Matrix3::Identity();
+    Matrix3 damping_newton_s_per_m = Matrix3::Zero();
 
-    [[nodiscard]] Vector3 at(const Vector3& place) const noexcept {
-      return force_newton - stiffness_newton_per_m * (place - place_m);
+    [[nodiscard]] Vector3 at(const Vector3& place, const Vector3& velocity) const noexcept {
+      return force_newton - stiffness_newton_per_m * (place - place_m) -
+             damping_newton_s_per_m * velocity;
     }
   };
-  void take(const Contact& contact, const Interaction& newest, const Vector3& tool_m) noexcept;
+  void take(const Contact& contact, const Interaction& newest, const Vector3& at_m,
+            const Vector3& velocity) noexcept;
   void lose(State why) noexcept;
 
   double newton_per_s_;

@@ -99,6 +99,7 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
   if (one.held.model().is_holding()) return hold(one, tip_m);
   one.full_newton = one.simulation->touch(0).force_on_tool_newton;
   one.contact = {};
+  one.velocity_m_per_s.setZero();
   if (!one.side.is_known()) {
     one.rubbing = {};
     return;
@@ -117,17 +118,20 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
 }
 
 void ElasticReference::hold(One& one, const Vector3& tip_m) const {
-  one.held.read(*one.simulation, 0, one.compliance->compliance(), one.held.changes(), true);
-  one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m);
+  one.held.read(*one.simulation, 0, one.compliance->compliance(), step_s_,
+                one.held.changes(), true);
+  const Vector3 velocity = one.held.model().velocity_m_per_s;
+  one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m, velocity);
   one.rubbing = {};
   one.contact = {};
   if (!one.jaw.holds(one.held.model())) return;
   one.contact = grip_contact(one.held.model(), *gripper_, one.body->tissue,
-                             tip_m - one.jaw.slip_m(), one.jaw.slip_m());
+                             tip_m - one.jaw.slip_m(), velocity, one.jaw.slip_m());
+  one.velocity_m_per_s = velocity;
 }
 
 Vector3 ElasticReference::force_at(const One& one, const Vector3& tip_m) const noexcept {
-  return evaluate(one.contact, tip_m - tip_m_, Vector3::Zero(), 0.0).force_on_tool_newton;
+  return evaluate(one.contact, tip_m - tip_m_, one.velocity_m_per_s, 0.0).force_on_tool_newton;
 }
 
 Vector3 ElasticReference::force_at(const Vector3& tip_m) const noexcept {

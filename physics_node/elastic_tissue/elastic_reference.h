@@ -49,6 +49,7 @@ class ElasticReference {
     std::shared_ptr<BodyCompliance> compliance{};  // with a gripper
     Jaw held{};
     SlippingJaw jaw{};
+    Vector3 velocity_m_per_s = Vector3::Zero();  // of the tool that holds it, at the last step
   };
   [[nodiscard]] Vector3 force_at(const One& one, const Vector3& tip_m) const noexcept;
   void step(One& one, const Vector3& tip_m, double time_s) const;

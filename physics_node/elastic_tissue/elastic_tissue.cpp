@@ -302,7 +302,7 @@ void ElasticTissue::solve(double step_s) {
   } else {
     ++figures_.skipped;
   }
-  if (gripper_) read_jaws();
+  if (gripper_) read_jaws(step_s);
   figures_.failed = simulation_.failed_steps() + without_compliance_;
   figures_.repaired = simulation_.repaired_steps();
   figures_.appeared = simulation_.appeared();

@@ -74,7 +74,9 @@ class ElasticTissue {
   /// What the jaws do, for the next full solution and touch().
   /// @param closing  number of the closing around this body, ascending; 0: they are open
   /// @param report   of that closing, where mofc_node decides how they slip; null: this does
-  void set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report) noexcept;
+  /// @param velocity_m_per_s  of the tool
+  void set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report,
+               const Vector3& velocity_m_per_s) noexcept;
   /// The contact of the tip where note() put it, or of what the jaws hold; false if the surface is not within reach.
   bool touch(std::size_t tool, Contact& contact) noexcept;
   /// mofc_node solves the contact itself: from now on solutions come with a patch of the surface.
@@ -198,6 +200,7 @@ class ElasticTissue {
     Rubbing rubbing{};
     SlippingJaw jaw{};
     bool is_jaw_led = false;  // by mofc_node
+    Vector3 jaw_m_per_s = Vector3::Zero();
     bool is_holding = false;
     // of the slow thread
     Jaw held{};
@@ -233,7 +236,7 @@ class ElasticTissue {
   void prepare(std::size_t tool, double step_s);
   [[nodiscard]] std::optional<bool> hold(Tool& own, Contact& contact) const noexcept;
   void close_jaws();
-  void read_jaws();
+  void read_jaws(double step_s);
   void describe_patch(std::size_t tool, bool has_stepped);
   [[nodiscard]] bool is_alone(std::size_t tool) const;
   [[nodiscard]] double surface_offset_by_other_tools_m(std::size_t tool, std::size_t nearest_point,

@@ -29,8 +29,10 @@ void ElasticTissue::continue_as(const ElasticTissue& other) {
 // --- jaws ----------------------------------------------------------------------------------------
 
 void ElasticTissue::set_jaw(std::size_t tool, std::uint32_t closing,
-                            const GripReport* report) noexcept {
+                            const GripReport* report,
+                            const Vector3& velocity_m_per_s) noexcept {
   Tool& own = *tools_[tool];
+  own.jaw_m_per_s = velocity_m_per_s;
   own.jaw.set(closing);
   own.is_jaw_led = report != nullptr;
   if (report != nullptr) own.jaw.follow(report->slip_m, report->has_let_go);
@@ -44,14 +46,14 @@ std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexc
   own.is_holding = false;
   if (model == nullptr || !model->is_holding()) return std::nullopt;
   if (!own.is_jaw_led) {
-    static_cast<void>(own.jaw.act(*model, *gripper_, own.tip_m));
+    static_cast<void>(own.jaw.act(*model, *gripper_, own.tip_m, own.jaw_m_per_s));
     own.jaw_command.store(own.jaw.command());
   }
   if (!own.jaw.holds(*model)) return false;
   own.is_holding = true;
   own.bound_newton = kUnknownNewton;
   contact = grip_contact(*model, *gripper_, body_->tissue, own.tip_m - own.jaw.slip_m(),
-                         own.jaw.slip_m());
+                         own.jaw_m_per_s, own.jaw.slip_m());
   return contact.force_on_tool_newton.allFinite();
 }
 
@@ -63,14 +65,14 @@ void ElasticTissue::close_jaws() {
   }
 }
 
-void ElasticTissue::read_jaws() {
+void ElasticTissue::read_jaws(double step_s) {
   std::uint64_t changes = 0;
   for (const auto& tool : tools_) changes += tool->held.changes();
   figures_.points_held = 0;
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     Tool& tool = *tools_[i];
     try {
-      tool.held.read(simulation_, i, compliance_, changes, is_alone(i));
+      tool.held.read(simulation_, i, compliance_, step_s, changes, is_alone(i));
     } catch (const std::runtime_error&) {  // it has let go
       ++without_compliance_;
     }

@@ -131,7 +131,7 @@ void ElasticTissues::close(std::size_t tool, const JawInput& jaw) noexcept {
   for (std::size_t i = 0; i < tissues_.size(); ++i) {
     const bool is_this = closing.is_closed && i == closing.tissue;
     tissues_[i]->set_jaw(tool, is_this ? closing.number : 0,
-                         is_this && is_reported ? &*jaw.report : nullptr);
+                         is_this && is_reported ? &*jaw.report : nullptr, jaw.velocity_m_per_s);
   }
 }
 

@@ -16,11 +16,14 @@ constexpr double kHeldTrust_m = 1.0;
 }  // namespace
 
 Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::uint32_t tissue,
-                     const Vector3& at_m, const Vector3& slip_m) noexcept {
+                     const Vector3& at_m, const Vector3& v_m_per_s,
+                     const Vector3& slip_m) noexcept {
+  const Matrix3& K = model.stiffness_newton_per_m;
   Contact contact{.tissue = tissue,
                   .penetration_m = kHeldPenetration_m,
-                  .elastic_force_on_tool_newton = model.force_at(at_m),
-                  .d_force_d_position = -model.stiffness_newton_per_m,
+                  .elastic_force_on_tool_newton = model.force_at(at_m, Vector3::Zero()),
+                  .d_force_d_position = -K,
+                  .d_force_d_velocity = -model.relaxation_s * K,
                   .is_adhesive = true,
                   .trust_radius_m = kHeldTrust_m,
                   .grip = {.number = model.number,
@@ -29,11 +32,11 @@ Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::
                            .tear_newton = gripper.tear_newton,
                            .reach_m = gripper.reach_m,
                            .slip_m = slip_m}};
-  contact.force_on_tool_newton = contact.elastic_force_on_tool_newton;
+  contact.force_on_tool_newton = model.force_at(at_m, v_m_per_s);
   const Vector3 way_m = at_m - model.place_m;
   contact.stored_energy_joule =
-      std::max(0.0, model.stored_energy_joule - way_m.dot(model.force_on_tool_newton) +
-                        0.5 * way_m.dot(model.stiffness_newton_per_m * way_m));
+      std::max(0.0, model.stored_energy_joule - way_m.dot(model.elastic_force_on_tool_newton) +
+                        0.5 * way_m.dot(K * way_m));
   return contact;
 }
 
@@ -50,6 +53,7 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   if (!command.is_closed || command.number == model_.number) return;
   model_ = {.number = command.number};
   if (!tip) return;
+  model_.place_m = tip->tip_m - tip->slip_m;
   const std::size_t points =
       simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m, gripper.most_points,
                       gripper.stiffness_newton_per_m);
@@ -58,11 +62,14 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
 }
 
 void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
-               elastic::SurfaceCompliance& compliance, std::uint64_t changes, bool is_alone) {
+               elastic::SurfaceCompliance& compliance, double step_s, std::uint64_t changes,
+               bool is_alone) {
   if (!model_.is_holding()) return;
   const elastic::HeldPoints& held = simulation.held()[tool];
   const Vector3 newton = simulation.touch(tool).force_on_tool_newton;
   Matrix3& K = model_.stiffness_newton_per_m;
+  const double beta_s = simulation.body().viscosity_s;
+  const Vector3 velocity = (held.place_m() - model_.place_m) / step_s;
   if (known_ != changes) {
     try {
       K = elastic::grip_stiffness_newton_per_m(compliance, held, simulation.held());
@@ -72,12 +79,17 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
     }
     known_ = changes;
   } else if (is_alone) {
-    K = elastic::updated_stiffness(K, held.place_m() - model_.place_m,
-                                   model_.force_on_tool_newton - newton);
+    const Vector3 way_m = held.place_m() - model_.place_m;
+    K = elastic::updated_stiffness(
+        K, way_m + beta_s * (velocity - model_.velocity_m_per_s), newton_ - newton);
   }
+  newton_ = newton;
   model_.place_m = held.place_m();
-  model_.force_on_tool_newton = newton;
-  model_.stored_energy_joule = 0.5 * newton.dot(K.inverse() * newton);
+  model_.velocity_m_per_s = velocity;
+  model_.relaxation_s = beta_s;
+  Vector3& elastic_newton = model_.elastic_force_on_tool_newton;
+  elastic_newton = newton + beta_s * K * velocity;
+  model_.stored_energy_joule = 0.5 * elastic_newton.dot(K.inverse() * elastic_newton);
   if (!newton.allFinite() || !K.allFinite()) let_go(simulation, tool);
 }
 
@@ -90,10 +102,10 @@ void SlippingJaw::set(std::uint32_t closing) noexcept {
 }
 
 Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper,
-                         const Vector3& tip_m) noexcept {
+                         const Vector3& tip_m, const Vector3& v_m_per_s) noexcept {
   if (!holds(model)) return Vector3::Zero();
-  const GripSlip slip = slip_in_jaws(model.force_at(tip_m - slip_m_), model.stiffness_newton_per_m,
-                                     gripper.slip_newton());
+  const GripSlip slip = slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s),
+                                     model.stiffness_newton_per_m, gripper.slip_newton());
   slip_m_ += slip.slip_m;
   is_lost_ = slip.force_on_tool_newton.norm() > gripper.tear_newton ||
              !(slip_m_.norm() <= gripper.reach_m);

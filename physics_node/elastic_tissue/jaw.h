@@ -16,7 +16,8 @@ namespace palpate::physics {
 
 /// What a step of the tool knows of its jaws.
 struct JawInput {
-  bool is_closed = false;               ///< the button is held
+  bool is_closed = false;              ///< the button is held
+  Vector3 velocity_m_per_s = Vector3::Zero();  ///< of the tool
   std::optional<GripReport> report{};  ///< of mofc_node, to this physics
 };
 
@@ -31,20 +32,27 @@ struct JawCommand {
   [[nodiscard]] Vector3 slip_m() const noexcept { return {slip_x_m, slip_y_m, slip_z_m}; }
 };
 
-/// What a full solution says of the tissue in the jaws. Away from the solution's place the force
-/// follows the compliance of the held points at rest, corrected by how it changed from solution to
-/// solution (elastic::updated_stiffness).
+/// What a full solution says of the tissue in the jaws, with K the stiffness of the held points at
+/// rest, corrected by how the force changed from solution to solution
+/// (elastic::updated_stiffness):
+///
+///   F = f₀ − K (a − a₀) − β K v   a the place of the tool less its slip, v its velocity
+///
+/// as a viscous body balances K x + β K ẋ.
 struct GripModel {
   std::uint32_t number = 0;  ///< of the closing
   std::uint32_t points = 0;  ///< 0: they hold nothing
   Vector3 place_m = Vector3::Zero();  ///< of the tool in the solution, less its slip
-  Vector3 force_on_tool_newton = Vector3::Zero();
+  Vector3 velocity_m_per_s = Vector3::Zero();         ///< in the solution
+  Vector3 elastic_force_on_tool_newton = Vector3::Zero();  ///< f₀
   Matrix3 stiffness_newton_per_m = Matrix3::Identity();
+  double relaxation_s = 0.0;         ///< β
   double stored_energy_joule = 0.0;  ///< by this law, from where it has no force
 
   [[nodiscard]] bool is_holding() const noexcept { return points > 0; }
-  [[nodiscard]] Vector3 force_at(const Vector3& at_m) const noexcept {
-    return force_on_tool_newton - stiffness_newton_per_m * (at_m - place_m);
+  [[nodiscard]] Vector3 force_at(const Vector3& at_m, const Vector3& v_m_per_s) const noexcept {
+    return elastic_force_on_tool_newton -
+           stiffness_newton_per_m * (at_m - place_m + relaxation_s * v_m_per_s);
   }
 };
 
@@ -52,7 +60,7 @@ struct GripModel {
 /// @param at_m  the tool, less its slip
 [[nodiscard]] Contact grip_contact(const GripModel& model, const GripperConfig& gripper,
                                    std::uint32_t tissue, const Vector3& at_m,
-                                   const Vector3& slip_m) noexcept;
+                                   const Vector3& v_m_per_s, const Vector3& slip_m) noexcept;
 
 /// Takes hold, follows and lets go in full solutions. One thread; allocates.
 class Jaw {
@@ -61,11 +69,12 @@ class Jaw {
   void prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
                const JawCommand& command, const std::optional<TipState>& tip);
   /// After it. Makes the stiffness, where the grips of the body are others than before.
+  /// @param step_s    of the step
   /// @param changes   of the grips of the body so far
   /// @param is_alone  no other tool acts on the body
   /// @throws std::runtime_error  it cannot be made; the jaws have let go
   void read(ElasticSimulation& simulation, std::size_t tool, elastic::SurfaceCompliance& compliance,
-            std::uint64_t changes, bool is_alone);
+            double step_s, std::uint64_t changes, bool is_alone);
   [[nodiscard]] const GripModel& model() const noexcept { return model_; }
   /// Closings and openings that changed what is held.
   [[nodiscard]] std::uint64_t changes() const noexcept { return changes_; }
@@ -74,6 +83,7 @@ class Jaw {
   void let_go(ElasticSimulation& simulation, std::size_t tool);
 
   GripModel model_;
+  Vector3 newton_ = Vector3::Zero();  // on the tool, in the last solution
   std::uint64_t changes_ = 0;
   std::optional<std::uint64_t> known_;  // changes of the body for which the stiffness was made
 };
@@ -86,7 +96,7 @@ class SlippingJaw {
   void set(std::uint32_t closing) noexcept;
   /// The force on the tool there, after it has slipped, if the model is of this closing.
   [[nodiscard]] Vector3 act(const GripModel& model, const GripperConfig& gripper,
-                            const Vector3& tip_m) noexcept;
+                            const Vector3& tip_m, const Vector3& v_m_per_s) noexcept;
   /// Somebody else decides.
   void follow(const Vector3& slip_m, bool has_let_go) noexcept;
   [[nodiscard]] JawCommand command() const noexcept;

@@ -17,7 +17,7 @@ GripSlip slip_in_jaws(const Vector3& force_on_tool_newton, const Matrix3& stiffn
   if (newton <= most_newton) return {.force_on_tool_newton = force_on_tool_newton};
 
   Eigen::SelfAdjointEigenSolver<Matrix3> axes;
-  axes.computeDirect(stiffness_newton_per_m);
+  axes.compute(stiffness_newton_per_m);
   const Vector3& k = axes.eigenvalues();
   const Vector3 along = axes.eigenvectors().transpose() * force_on_tool_newton;
   const auto held = [&](double mu) -> Vector3 {

@@ -41,7 +41,8 @@ void put_grip(const Grip& grip, v1::Grip& to) {
   put(grip.slip_m, *to.mutable_slip_m());
 }
 
-/// The jaws are a spring that is the same in both directions of every motion, and no motion is free.
+/// The jaws are a spring, or a damper, that is the same in both directions of every motion, and no
+/// motion is free.
 bool is_spring(const Matrix& m) {
   if (m.size() != 9) return false;
   const Eigen::Map<const Matrix3> K(m.data());
@@ -62,7 +63,8 @@ void check_grip(const v1::Contact& contact, Verdict& verdict) {
   verdict.vector(grip.has_slip_m(), grip.slip_m(), kMaxPositionM);
   verdict.expect(contact.is_adhesive() && contact.penetration_m() > 0.0 &&
                  contact.curvature_per_m().empty() && contact.hunt_crossley_exponent() == 0.0 &&
-                 contact.friction_coefficient() == 0.0 && is_spring(contact.d_force_d_position()));
+                 contact.friction_coefficient() == 0.0 && is_spring(contact.d_force_d_position()) &&
+                 (contact.d_force_d_velocity().empty() || is_spring(contact.d_force_d_velocity())));
 }
 
 Grip grip_of(const v1::Grip& wire) {

@@ -11,9 +11,9 @@ namespace {
 
 using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 
-// Rounding of two solutions hides what a shorter way changed.
-constexpr double kShortestWay_m = 5e-5;
-constexpr double kMostChange = 10.0;
+// On a shorter way the creep of the body hides what the way changed.
+constexpr double kShortestWay_m = 3e-4;
+constexpr double kMostChange = 3.0;
 
 }  // namespace
 

@@ -61,8 +61,8 @@ class HeldPoints {
 
 /// The stiffness that explains how the force changed between two solutions, with the least change
 /// of `stiffness` to this [Nocedal06, BFGS]: stays symmetric and positive definite. Left as it is
-/// if the way is too short, or the two differ by more than a factor of ten: then the body moves, or
-/// the tissue is about to buckle.
+/// if the way is too short, or the two differ by more than a factor of three along it: then the body
+/// moves.
 /// @param fell_newton  force on the tool before less that after
 [[nodiscard]] Eigen::Matrix3d updated_stiffness(const Eigen::Matrix3d& stiffness,
                                                 const Vector3d& way_m, const Vector3d& fell_newton);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <fstream>
 #include <functional>
 #include <numbers>
 #include <string>
@@ -97,7 +98,8 @@ int reversals_of(const std::vector<Vector3>& newton) {
 }
 
 double p99_of(std::vector<double> values) {
-  const auto place = values.begin() + static_cast<std::ptrdiff_t>(0.99 * (values.size() - 1));
+  const auto place = values.begin() +
+                     static_cast<std::ptrdiff_t>(99 * (values.size() - 1) / 100);
   std::nth_element(values.begin(), place, values.end());
   return *place;
 }
@@ -159,6 +161,9 @@ int main(int argc, char** argv) {
   app.add_option("--mesh", mesh,
                  "Another mesh than that of the session `retract`, its top at z = 0, for instance "
                  "of `palpate make-organ --block FILE --cells N`");
+  std::string trace_file;
+  app.add_option("--trace", trace_file,
+                 "File for the last path: tick, force [N], reference [N], state of the jaws");
   return bench::run_bench(app, options, argc, argv, [&] {
     SceneConfig base = load_session(std::string(PALPATE_SOURCE_DIR) +
                                     "/deploy/sessions/retract.txtpb")
@@ -185,6 +190,13 @@ int main(int argc, char** argv) {
             .is_closed = [](double t_s) { return t_s >= kClose_s && t_s < kOpen_s; }};
         const bench::DelayedForces found =
             bench::delayed_forces(path.scene, path.tip_m, kSeconds, 300, network);
+        if (!trace_file.empty()) {
+          std::ofstream out(trace_file);
+          for (std::size_t i = 0; i < ideal.newton.size(); ++i) {
+            out << i << ' ' << found.newton[i].transpose() << "  " << ideal.newton[i].transpose()
+                << "  " << static_cast<int>(found.grip[i]) << '\n';
+          }
+        }
         double error2 = 0.0;
         for (std::size_t i = 0; i < ideal.newton.size(); ++i) {
           error2 += (found.newton[i] - ideal.newton[i]).squaredNorm();

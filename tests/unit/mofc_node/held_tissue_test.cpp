@@ -15,10 +15,10 @@ namespace {
 
 using State = HeldTissue::State;
 
-constexpr double kTick_s = 1e-3;
-constexpr double kNewtonPerS = 100.0;
+constexpr double kHeldTick_s = 1e-3;
+constexpr double kHeldNewtonPerS = 100.0;
 constexpr double kSpring_newton_per_m = 100.0;
-constexpr std::uint32_t kButton = 2;
+constexpr std::uint32_t kJawButton = 2;
 
 /// Tissue held at the origin: 100 N/m, 2 N until it slips, torn above 3 N, out after 10 mm.
 Interaction holding(std::uint32_t number = 1, const Vector3& tool_m = Vector3::Zero()) {
@@ -35,7 +35,7 @@ Interaction holding(std::uint32_t number = 1, const Vector3& tool_m = Vector3::Z
                       .trust_radius_m = 1.0,
                       .force_on_tool_newton = newton,
                       .grip = {.number = number,
-                               .buttons = kButton,
+                               .buttons = kJawButton,
                                .slip_newton = 2.0,
                                .tear_newton = 3.0,
                                .reach_m = 0.01}};
@@ -45,13 +45,13 @@ Interaction holding(std::uint32_t number = 1, const Vector3& tool_m = Vector3::Z
 
 class Held : public testing::Test {
  protected:
-  Vector3 pull(const Interaction& said, double z_m, std::uint32_t buttons = kButton) {
+  Vector3 pull(const Interaction& said, double z_m, std::uint32_t buttons = kJawButton) {
     const test::AllocGuard guard;
-    const ModelForce force = held_.step(said, buttons, {0, 0, z_m}, kTick_s);
+    const ModelForce force = held_.step(said, buttons, {0, 0, z_m}, Vector3::Zero(), kHeldTick_s);
     EXPECT_EQ(guard.count(), 0U);
     return force.force_on_tool_newton;
   }
-  HeldTissue held_{kNewtonPerS};
+  HeldTissue held_{kHeldNewtonPerS};
 };
 
 // The only message is from before the pull: delay and loss change nothing.
@@ -74,7 +74,7 @@ TEST_F(Held, TakesUpTheForceOfAGripItHearsOfLateByNoMoreThanTheHandOver) {
   double last = 0.0;
   for (int tick = 0; tick < 20; ++tick) {
     const double newton = pull(said, 0.015).z();
-    EXPECT_LE(std::abs(newton - last), kNewtonPerS * kTick_s + 1e-12);
+    EXPECT_LE(std::abs(newton - last), kHeldNewtonPerS * kHeldTick_s + 1e-12);
     last = newton;
   }
   EXPECT_NEAR(last, -1.5, 1e-12);
@@ -128,7 +128,7 @@ TEST_F(Held, LosesWhatHasSlippedOutUntilTheJawsCloseAnew) {
   EXPECT_EQ(held_.state(), State::kNone);
   EXPECT_EQ(pull(said, 0.02), Vector3::Zero());
   const Interaction anew = holding(2);
-  EXPECT_NEAR(pull(anew, 0.005).z(), -kNewtonPerS * kTick_s, 1e-12);
+  EXPECT_NEAR(pull(anew, 0.005).z(), -kHeldNewtonPerS * kHeldTick_s, 1e-12);
   for (int tick = 0; tick < 5; ++tick) pull(anew, 0.005);
   EXPECT_NEAR(pull(anew, 0.005).z(), -0.5, 1e-12);
 }
@@ -169,20 +169,20 @@ TEST_F(Held, EndsWhenPhysicsSaysThatItHoldsNothing) {
 
 // In the whole model the contact of hop 3 counts once, by the jaws alone.
 TEST(HeldInTheModel, TheContactModelDoesNotCountBesides) {
-  TissueModel model(true, kNewtonPerS, 1);
+  TissueModel model(true, kHeldNewtonPerS, 1);
   const Interaction said = holding();
   DeviceState state;
   state.header.session_id = 1;
-  state.buttons = kButton;
+  state.buttons = kJawButton;
   ModelForce force;
   for (int tick = 0; tick <= 100; ++tick) {
-    force = model.step(said, state, {0, 0, 1e-4 * tick}, Vector3::Zero(), kTick_s);
+    force = model.step(said, state, {0, 0, 1e-4 * tick}, Vector3::Zero(), kHeldTick_s);
   }
   EXPECT_NEAR(force.force_on_tool_newton.z(), -1.0, 1e-12);
   EXPECT_NEAR(force.stored_energy_joule, 0.005, 1e-12);
   EXPECT_TRUE(force.is_touching);
   state.buttons = 0;
-  force = model.step(said, state, {0, 0, 0.01}, Vector3::Zero(), kTick_s);
+  force = model.step(said, state, {0, 0, 0.01}, Vector3::Zero(), kHeldTick_s);
   EXPECT_EQ(force.force_on_tool_newton, Vector3::Zero());
   EXPECT_FALSE(force.is_touching);
 }

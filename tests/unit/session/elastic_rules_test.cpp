@@ -218,7 +218,7 @@ TEST(GripperRules, NeedsElasticTissueAndFiguresInRange) {
                                                       HasSubstr("scene.tool.gripper" + field),
                                                       HasSubstr(words))));
   };
-  EXPECT_THAT(complaint("reach_m: 0.1 most_points: 1 jaw_newton: 1000 tear_newton: 1e4"), IsEmpty());
+  EXPECT_THAT(complaint("reach_m: 0.1 most_points: 1 jaw_newton: 1000 tear_newton: 1000"), IsEmpty());
   EXPECT_THAT(complaint("", "half_space {} kelvin_voigt { stiffness_newton_per_m: 400 }"),
               at("", "elastic"));
   EXPECT_THAT(complaint("button: 32"), at(".button", "31"));
