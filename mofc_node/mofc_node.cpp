@@ -217,11 +217,10 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
   const PhysicsRole in_use = choice_.step(heard, now);
   relay_.use(in_use, choice_.term());
   for (const PhysicsRole role : {PhysicsRole::kFirst, PhysicsRole::kStandby}) {
-    relay_.set_hints(role,
-                     {.receipts = tissue_.receipts(role),
-                      .elastic_receipts = tissue_.elastic_receipts(role),
-                      .scene_time = tissue_.scene_time(role, in_use, state.header.sampled_at),
-                      .grip = tissue_.held_tissue(role).report()});
+    relay_.set_hints(role, {.receipts = tissue_.receipts(role),
+                            .elastic_receipts = tissue_.elastic_receipts(role),
+                            .scene_time = tissue_.scene_time(role, in_use, state.header.sampled_at),
+                            .grip = tissue_.held_tissue(role).report()});
   }
   return answers[index_of(in_use)];
 }

@@ -101,7 +101,9 @@ void PhysicsNode::step(const Tick& tick) noexcept {
                    .stored_energy_joule = interaction.stored_energy_joule,
                    .contact_count = interaction.contact_count,
                    .compute_time = compute_time,
-                   .penetration_m = is_held ? kNaN : is_touching ? deepest.penetration_m : 0.0,
+                   .penetration_m = is_held       ? kNaN
+                                    : is_touching ? deepest.penetration_m
+                                                  : 0.0,
                    .stiffness_newton_per_m = is_held       ? kNaN
                                              : is_touching ? stiffness_along_normal(deepest)
                                                            : 0.0});

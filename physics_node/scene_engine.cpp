@@ -79,12 +79,11 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
     elastic->describe_ahead(tool_.index(), motion.tool_velocity_world_m_per_s,
                             to_seconds(motion.receipts.loop_age));
   }
-  const SceneForce force =
-      tool_.step({.position_m = motion.tool_position_world_m,
-                  .velocity_m_per_s = motion.tool_velocity_world_m_per_s,
-                  .orientation = motion.tool_orientation_world,
-                  .jaw = jaw_of(motion, answer.header.session_id, elastic)},
-                 time_s);
+  const SceneForce force = tool_.step({.position_m = motion.tool_position_world_m,
+                                       .velocity_m_per_s = motion.tool_velocity_world_m_per_s,
+                                       .orientation = motion.tool_orientation_world,
+                                       .jaw = jaw_of(motion, answer.header.session_id, elastic)},
+                                      time_s);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;
   std::copy_n(force.contacts.begin(), force.listed_count, answer.contacts.begin());

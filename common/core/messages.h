@@ -110,18 +110,18 @@ struct ToolMotion {
   /// Time of moving tissue in the physics in use when this arrives, as far as mofc knows.
   std::optional<TimePoint> scene_time{};
 
-  Wave wave{};  ///< with wave variables: towards the tissue, W
+  Wave wave{};                       ///< with wave variables: towards the tissue, W
   std::optional<GripReport> grip{};  ///< none: nothing is held, or physics' own slip counts
 };
 
 /// How the jaws of a tool hold a tissue. With a_ref = reference − slip_m, the force on the tool is
 /// f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
 struct Grip {
-  std::uint32_t number = 0;  ///< another one with every closing; 0: nothing is held
-  std::uint32_t buttons = 0;  ///< the jaws are open unless all of these are held
-  double slip_newton = 0.0;   ///< > 0; a larger force slips
-  double tear_newton = 0.0;   ///< > 0; a larger force tears: the jaws lose the tissue
-  double reach_m = 0.0;       ///< > 0; having slipped farther it is out of the jaws
+  std::uint32_t number = 0;          ///< another one with every closing; 0: nothing is held
+  std::uint32_t buttons = 0;         ///< the jaws are open unless all of these are held
+  double slip_newton = 0.0;          ///< > 0; a larger force slips
+  double tear_newton = 0.0;          ///< > 0; a larger force tears: the jaws lose the tissue
+  double reach_m = 0.0;              ///< > 0; having slipped farther it is out of the jaws
   Vector3 slip_m = Vector3::Zero();  ///< of the tool since the closing, at the reference
 };
 

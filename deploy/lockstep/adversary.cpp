@@ -137,14 +137,15 @@ void PhysicsTamperer::lie_about_grip(Interaction& interaction, double t_s) {
   position_m_ = interaction.tool_position_world_m;
   if (moved.norm() > 0.0) along_ = moved.normalized();
   if (t_s >= grip_lie_.until_s) {
-    grip_lie_ = {.until_s = t_s + random_magnitude(random, -3.0, -0.7),
-                 .stiffness = random.chance(0.5) ? 1.0 : random_magnitude(random, -3.0, 3.0),
-                 .push_newton = random.chance(0.5) ? 0.0 : random.uniform(-1.0, 1.0) * kHostileNewton,
-                 .slip_m = random.chance(0.5) ? Vector3::Zero() : random_vector(random, 0.03),
-                 .number = random.chance(0.8) ? 0U : 1U + static_cast<std::uint32_t>(random.below(4)),
-                 .is_invented = random.chance(0.5),
-                 .is_strong = random.chance(0.5),
-                 .axis = random_vector(random, 1.0)};
+    grip_lie_ = {
+        .until_s = t_s + random_magnitude(random, -3.0, -0.7),
+        .stiffness = random.chance(0.5) ? 1.0 : random_magnitude(random, -3.0, 3.0),
+        .push_newton = random.chance(0.5) ? 0.0 : random.uniform(-1.0, 1.0) * kHostileNewton,
+        .slip_m = random.chance(0.5) ? Vector3::Zero() : random_vector(random, 0.03),
+        .number = random.chance(0.8) ? 0U : 1U + static_cast<std::uint32_t>(random.below(4)),
+        .is_invented = random.chance(0.5),
+        .is_strong = random.chance(0.5),
+        .axis = random_vector(random, 1.0)};
   }
   Contact& contact = interaction.contacts[0];
   if (interaction.listed_count == 0 || contact.grip.number == 0) {

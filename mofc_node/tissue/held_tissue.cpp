@@ -8,6 +8,13 @@
 #include "common/contact/elastic/grip.h"
 
 namespace palpate::mofc {
+namespace {
+
+// Of the passage from one law to the next: half a period of the full solutions, so that their
+// steps are not felt.
+constexpr double kPassage_s = 0.01;
+
+}  // namespace
 
 void HeldTissue::reset() noexcept {
   is_held_ = is_listed_ = false;
@@ -21,8 +28,8 @@ void HeldTissue::lose(State why) noexcept {
 }
 
 /// The law of the newest message; the force goes on where it is.
-void HeldTissue::take(const Contact& contact, const Interaction& newest,
-                      const Vector3& at_m, const Vector3& velocity) noexcept {
+void HeldTissue::take(const Contact& contact, const Interaction& newest, const Vector3& at_m,
+                      const Vector3& velocity) noexcept {
   const Law law{.place_m = newest.tool_position_world_m - contact.grip.slip_m,
                 .force_newton = contact.elastic_force_on_tool_newton,
                 .stiffness_newton_per_m = -contact.d_force_d_position,
@@ -65,8 +72,8 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
 
   const Vector3 at_m = tool_position_world_m - report_->slip_m;
   take(*contact, newest, at_m, tool_velocity_world_m_per_s);
-  const double offset = offset_newton_.norm();
-  offset_newton_ *= offset > 0.0 ? std::max(0.0, 1.0 - newton_per_s_ * dt_s / offset) : 0.0;
+  const double offset = std::max(offset_newton_.norm(), 1e-12);
+  offset_newton_ *= 1.0 - std::min({1.0, dt_s / kPassage_s, newton_per_s_ * dt_s / offset});
   const Vector3 wanted = law_.at(at_m, tool_velocity_world_m_per_s) + offset_newton_;
   const GripSlip slip = slip_in_jaws(wanted, law_.stiffness_newton_per_m, grip.slip_newton);
   const Vector3& newton = slip.force_on_tool_newton;

@@ -10,15 +10,16 @@
 
 namespace palpate::mofc {
 
-/// Evaluates the Grip that hop 3 lists: F = f₀ + K (a − a_ref) + B v at a = tool − slip. The slip is
-/// kept here, and reported on hop 2: the tool slips where F is more than the jaws hold
+/// Evaluates the Grip that hop 3 lists: F = f₀ + K (a − a_ref) + B v at a = tool − slip. The slip
+/// is kept here, and reported on hop 2: the tool slips where F is more than the jaws hold
 /// (slip_in_jaws), loses the tissue where F tears it or it has slipped out, and lets go in the tick
 /// in which the button is released. What was lost is not held again until the jaws close anew,
 /// whatever hop 3 still says. So delay and loss of messages change the force as little as the
 /// stiffness changes meanwhile.
 ///
-/// F begins at zero, and where a new message has another law, by less than newton_per_s · dt per
-/// step the force changes to it; where it ends, it ends at once. No allocation, no throw.
+/// F begins at zero, and where a new message has another law the force passes to it with a time
+/// constant of 10 ms, by at most newton_per_s · dt per step; where it ends, it ends at once. No
+/// allocation, no throw.
 class HeldTissue {
  public:
   /// As GripState of the record.
@@ -64,8 +65,8 @@ class HeldTissue {
   bool is_listed_ = false;
   bool is_held_ = false;
   std::uint32_t tissue_ = 0;
-  std::uint32_t buttons_ = 0;                 // that close the jaws
-  std::optional<GripReport> report_;          // of the grip that is listed
+  std::uint32_t buttons_ = 0;         // that close the jaws
+  std::optional<GripReport> report_;  // of the grip that is listed
   Law law_;
   Vector3 offset_newton_ = Vector3::Zero();  // of the force from the law, still to be undone
 };

@@ -76,8 +76,8 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   const TimePoint now = state.header.sampled_at;
   std::array<TissueShare, kMaxDescribed + kMaxElasticPatches> shares;
   std::size_t share_count = 0;
-  ModelForce sum = held_.step(newest, state.buttons, tool_position_world_m,
-                              tool_velocity_world_m_per_s, dt_s);
+  ModelForce sum =
+      held_.step(newest, state.buttons, tool_position_world_m, tool_velocity_world_m_per_s, dt_s);
   const bool is_holding = sum.is_touching;
   holds_for_ = store_ ? Duration::max() : Duration::zero();
   const auto add = [&](const LocalTissues::Result& local, double share, Duration law_holds_for) {

@@ -45,7 +45,7 @@ class ElasticReference {
     double stiffness_newton_per_m = 0.0;
     Contact contact{};
     Rubbing rubbing{};
-    Vector3 full_newton = Vector3::Zero();  // on the tool
+    Vector3 full_newton = Vector3::Zero();         // on the tool
     std::shared_ptr<BodyCompliance> compliance{};  // with a gripper
     Jaw held{};
     SlippingJaw jaw{};

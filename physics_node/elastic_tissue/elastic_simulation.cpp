@@ -390,8 +390,8 @@ bool ElasticSimulation::step_once() {
     touch.forces_on_body_newton.clear();
     if (!tips_.held[i].is_empty()) {
       touch.forces_on_body_newton.resize(body_.points.size(), Vector3::Zero());
-      touch.force_on_tool_newton = tips_.held[i].add_forces_on_body(
-          dynamics_.x_m().data(), touch.forces_on_body_newton);
+      touch.force_on_tool_newton =
+          tips_.held[i].add_forces_on_body(dynamics_.x_m().data(), touch.forces_on_body_newton);
     }
     if (!touch.is_near) continue;
     elastic::SphereContact& contact = tips_.contacts[i];

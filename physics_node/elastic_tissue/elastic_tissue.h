@@ -77,7 +77,8 @@ class ElasticTissue {
   /// @param velocity_m_per_s  of the tool
   void set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report,
                const Vector3& velocity_m_per_s) noexcept;
-  /// The contact of the tip where note() put it, or of what the jaws hold; false if the surface is not within reach.
+  /// The contact of the tip where note() put it, or of what the jaws hold; false if the surface is
+  /// not within reach.
   bool touch(std::size_t tool, Contact& contact) noexcept;
   /// mofc_node solves the contact itself: from now on solutions come with a patch of the surface.
   /// @param age_s  of the loop, from a DeviceState to the first use of its answer

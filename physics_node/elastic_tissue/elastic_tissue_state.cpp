@@ -28,8 +28,7 @@ void ElasticTissue::continue_as(const ElasticTissue& other) {
 
 // --- jaws ----------------------------------------------------------------------------------------
 
-void ElasticTissue::set_jaw(std::size_t tool, std::uint32_t closing,
-                            const GripReport* report,
+void ElasticTissue::set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report,
                             const Vector3& velocity_m_per_s) noexcept {
   Tool& own = *tools_[tool];
   own.jaw_m_per_s = velocity_m_per_s;

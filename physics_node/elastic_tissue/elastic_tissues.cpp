@@ -71,9 +71,8 @@ ElasticTissues::ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>
       last_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()),
       ready_s_(last_solve_s_) {
   for (const auto& body : bodies) {
-    tissues_.push_back(
-        std::make_unique<ElasticTissue>(body, tools, tip_radius_m, pace_ == ElasticPace::kFolded,
-                                        gripper_));
+    tissues_.push_back(std::make_unique<ElasticTissue>(body, tools, tip_radius_m,
+                                                       pace_ == ElasticPace::kFolded, gripper_));
   }
   if (pace_ != ElasticPace::kThread) return;
   for (auto& tissue : tissues_) {

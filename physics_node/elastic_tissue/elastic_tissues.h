@@ -102,8 +102,8 @@ class ElasticTissues {
   std::vector<std::unique_ptr<ElasticTissue>> tissues_;
   ElasticPace pace_;
   std::optional<GripperConfig> gripper_;
-  std::vector<Counts> counts_;      // by tool
-  std::vector<Closing> closings_;   // by tool
+  std::vector<Counts> counts_;     // by tool
+  std::vector<Closing> closings_;  // by tool
   // by tissue; virtual
   std::vector<double> last_solve_s_;
   std::vector<double> ready_s_;  // then that solution may be used

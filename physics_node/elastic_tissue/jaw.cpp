@@ -12,6 +12,8 @@ namespace {
 
 constexpr double kHeldPenetration_m = 1.0;  // a contact that the tool does not leave
 constexpr double kHeldTrust_m = 1.0;
+// What a slower tool feels change is creep, not stiffness.
+constexpr double kStill_m_per_s = 2e-3;
 
 }  // namespace
 
@@ -54,9 +56,8 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   model_ = {.number = command.number};
   if (!tip) return;
   model_.place_m = tip->tip_m - tip->slip_m;
-  const std::size_t points =
-      simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m, gripper.most_points,
-                      gripper.stiffness_newton_per_m);
+  const std::size_t points = simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m,
+                                             gripper.most_points, gripper.stiffness_newton_per_m);
   model_.points = static_cast<std::uint32_t>(points);
   changes_ += points > 0 ? 1U : 0U;
 }
@@ -70,6 +71,8 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
   Matrix3& K = model_.stiffness_newton_per_m;
   const double beta_s = simulation.body().viscosity_s;
   const Vector3 velocity = (held.place_m() - model_.place_m) / step_s;
+  const Vector3 at_m = held.place_m() + beta_s * velocity;
+  bool is_seen = true;
   if (known_ != changes) {
     try {
       K = elastic::grip_stiffness_newton_per_m(compliance, held, simulation.held());
@@ -78,12 +81,16 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
       throw;
     }
     known_ = changes;
-  } else if (is_alone) {
-    const Vector3 way_m = held.place_m() - model_.place_m;
-    K = elastic::updated_stiffness(
-        K, way_m + beta_s * (velocity - model_.velocity_m_per_s), newton_ - newton);
+  } else if (is_alone && velocity.norm() > kStill_m_per_s &&
+             (at_m - seen_m_).norm() > elastic::kShortestWay_m) {
+    K = elastic::updated_stiffness(K, at_m - seen_m_, seen_newton_ - newton);
+  } else {
+    is_seen = velocity.norm() <= kStill_m_per_s;
   }
-  newton_ = newton;
+  if (is_seen) {
+    seen_m_ = at_m;
+    seen_newton_ = newton;
+  }
   model_.place_m = held.place_m();
   model_.velocity_m_per_s = velocity;
   model_.relaxation_s = beta_s;
@@ -101,8 +108,8 @@ void SlippingJaw::set(std::uint32_t closing) noexcept {
   slip_m_.setZero();
 }
 
-Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper,
-                         const Vector3& tip_m, const Vector3& v_m_per_s) noexcept {
+Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper, const Vector3& tip_m,
+                         const Vector3& v_m_per_s) noexcept {
   if (!holds(model)) return Vector3::Zero();
   const GripSlip slip = slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s),
                                      model.stiffness_newton_per_m, gripper.slip_newton());

@@ -16,9 +16,9 @@ namespace palpate::physics {
 
 /// What a step of the tool knows of its jaws.
 struct JawInput {
-  bool is_closed = false;              ///< the button is held
+  bool is_closed = false;                      ///< the button is held
   Vector3 velocity_m_per_s = Vector3::Zero();  ///< of the tool
-  std::optional<GripReport> report{};  ///< of mofc_node, to this physics
+  std::optional<GripReport> report{};          ///< of mofc_node, to this physics
 };
 
 /// What the jaws shall do on one body, as a step of the tool knows it.
@@ -40,10 +40,10 @@ struct JawCommand {
 ///
 /// as a viscous body balances K x + β K ẋ.
 struct GripModel {
-  std::uint32_t number = 0;  ///< of the closing
-  std::uint32_t points = 0;  ///< 0: they hold nothing
-  Vector3 place_m = Vector3::Zero();  ///< of the tool in the solution, less its slip
-  Vector3 velocity_m_per_s = Vector3::Zero();         ///< in the solution
+  std::uint32_t number = 0;                    ///< of the closing
+  std::uint32_t points = 0;                    ///< 0: they hold nothing
+  Vector3 place_m = Vector3::Zero();           ///< of the tool in the solution, less its slip
+  Vector3 velocity_m_per_s = Vector3::Zero();  ///< in the solution
   Vector3 elastic_force_on_tool_newton = Vector3::Zero();  ///< f₀
   Matrix3 stiffness_newton_per_m = Matrix3::Identity();
   double relaxation_s = 0.0;         ///< β
@@ -83,7 +83,10 @@ class Jaw {
   void let_go(ElasticSimulation& simulation, std::size_t tool);
 
   GripModel model_;
-  Vector3 newton_ = Vector3::Zero();  // on the tool, in the last solution
+  /// A solution that K has been made for, or in which the tool stood still: the place, with what
+  /// viscosity adds to it, and the force on the tool.
+  Vector3 seen_m_ = Vector3::Zero();
+  Vector3 seen_newton_ = Vector3::Zero();
   std::uint64_t changes_ = 0;
   std::optional<std::uint64_t> known_;  // changes of the body for which the stiffness was made
 };

@@ -150,10 +150,10 @@ TEST(Lockstep, ALyingComplianceGivesTheHandNothing) {
 // The hand holds the block while physics says what it likes of that.
 TEST(Lockstep, ALyingGripGivesTheHandNothing) {
   const Recording clamped = run(shipped("hostile_grasp", {"adversary.physics=lying_grip"}), 600ms);
-  const Recording unlimited = run(
-      shipped("hostile_grasp",
-              {"adversary.physics=lying_grip", "mofc.controller=none", "device.monitor=off"}),
-      600ms);
+  const Recording unlimited =
+      run(shipped("hostile_grasp",
+                  {"adversary.physics=lying_grip", "mofc.controller=none", "device.monitor=off"}),
+          600ms);
 
   EXPECT_GE(clamped.last().device.minimum_true_energy_joule, -1e-6);
   EXPECT_LT(unlimited.last().device.minimum_true_energy_joule, -1e-3);

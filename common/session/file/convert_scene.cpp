@@ -348,14 +348,13 @@ namespace {
 std::optional<GripperConfig> to_gripper(const Fields& tool, double tip_radius_m) {
   if (!tool.has("gripper")) return std::nullopt;
   const Fields fields = tool.message("gripper");
-  return GripperConfig{
-      .button = static_cast<std::uint32_t>(fields.integer("button")),
-      .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
-      .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
-      .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
-      .jaw_newton = fields.number("jaw_newton"),
-      .friction_coefficient = fields.number("friction_coefficient"),
-      .tear_newton = fields.number("tear_newton")};
+  return GripperConfig{.button = static_cast<std::uint32_t>(fields.integer("button")),
+                       .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
+                       .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
+                       .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
+                       .jaw_newton = fields.number("jaw_newton"),
+                       .friction_coefficient = fields.number("friction_coefficient"),
+                       .tear_newton = fields.number("tear_newton")};
 }
 
 bool is_elastic(const TissueConfig& tissue) {

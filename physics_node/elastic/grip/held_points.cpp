@@ -11,8 +11,6 @@ namespace {
 
 using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 
-// On a shorter way the creep of the body hides what the way changed.
-constexpr double kShortestWay_m = 3e-4;
 constexpr double kMostChange = 3.0;
 
 }  // namespace
@@ -133,8 +131,7 @@ Eigen::Matrix3d updated_stiffness(const Eigen::Matrix3d& stiffness, const Vector
   if (!(joule > expected_joule / kMostChange && joule < expected_joule * kMostChange)) {
     return stiffness;
   }
-  const Eigen::Matrix3d updated = stiffness -
-                                  expected * expected.transpose() / expected_joule +
+  const Eigen::Matrix3d updated = stiffness - expected * expected.transpose() / expected_joule +
                                   fell_newton * fell_newton.transpose() / joule;
   const Eigen::Matrix3d symmetric = 0.5 * (updated + updated.transpose());
   return Eigen::LLT<Eigen::Matrix3d>(symmetric).info() == Eigen::Success ? symmetric : stiffness;

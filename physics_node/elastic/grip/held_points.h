@@ -59,10 +59,13 @@ class HeldPoints {
                                                           const HeldPoints& own,
                                                           std::span<const HeldPoints> others);
 
+/// On a shorter way the creep of the body hides what the way changed.
+inline constexpr double kShortestWay_m = 3e-4;
+
 /// The stiffness that explains how the force changed between two solutions, with the least change
 /// of `stiffness` to this [Nocedal06, BFGS]: stays symmetric and positive definite. Left as it is
-/// if the way is too short, or the two differ by more than a factor of three along it: then the body
-/// moves.
+/// if the way is shorter, or the two differ by more than a factor of three along it: then the
+/// body moves.
 /// @param fell_newton  force on the tool before less that after
 [[nodiscard]] Eigen::Matrix3d updated_stiffness(const Eigen::Matrix3d& stiffness,
                                                 const Vector3d& way_m, const Vector3d& fell_newton);

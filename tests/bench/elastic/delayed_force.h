@@ -28,7 +28,7 @@ struct DelayedForces {
   std::vector<double> us;       ///< processor time of mofc_node's model in each of these ticks
   std::vector<mofc::HeldTissue::State> grip;  ///< at these ticks
   std::uint32_t points_held = 0;              ///< at most
-  double bytes_per_s = 0.0;     ///< of hop 3, frames as they are sent
+  double bytes_per_s = 0.0;                   ///< of hop 3, frames as they are sent
 };
 
 /// Processor time of this thread [s].

@@ -35,7 +35,7 @@ constexpr double kClose_s = 0.2;  // the tip rests on the tissue
 constexpr double kPull_s = 0.6;
 constexpr double kOpen_s = 2.4;
 constexpr double kSeconds = 2.6;
-constexpr double kLeast_newton = 0.02;  // a smaller change of the force is no reversal
+constexpr double kLeastTurn = 0.05;  // of the peak: a smaller change of the force is no reversal
 
 struct Path {
   std::string name;
@@ -77,8 +77,8 @@ Forces reference_of(const Path& path) {
   return forces;
 }
 
-/// Changes of the direction in which the force along an axis goes, by more than kLeast_newton.
-int reversals_of(const std::vector<Vector3>& newton) {
+/// Changes of the direction in which the force along an axis goes, by more than this.
+int reversals_of(const std::vector<Vector3>& newton, double least_newton) {
   int reversals = 0;
   for (int axis = 0; axis < 3; ++axis) {
     double turn = newton.front()[axis];  // the last extreme
@@ -87,7 +87,7 @@ int reversals_of(const std::vector<Vector3>& newton) {
       const double change = now[axis] - turn;
       if (way * change > 0.0) {
         turn = now[axis];
-      } else if (std::abs(change) > kLeast_newton) {
+      } else if (std::abs(change) > least_newton) {
         reversals += way != 0 ? 1 : 0;
         way = change > 0.0 ? 1 : -1;
         turn = now[axis];
@@ -98,8 +98,7 @@ int reversals_of(const std::vector<Vector3>& newton) {
 }
 
 double p99_of(std::vector<double> values) {
-  const auto place = values.begin() +
-                     static_cast<std::ptrdiff_t>(99 * (values.size() - 1) / 100);
+  const auto place = values.begin() + static_cast<std::ptrdiff_t>(99 * (values.size() - 1) / 100);
   std::nth_element(values.begin(), place, values.end());
   return *place;
 }
@@ -107,8 +106,7 @@ double p99_of(std::vector<double> values) {
 /// Processor time of a step of the tool while the body is solved on a thread of its own.
 double step_p99_us(const Path& path) {
   constexpr int kSteps = 5000;
-  const auto tissues =
-      physics::ElasticTissues::of(path.scene, 1, physics::ElasticPace::kThread);
+  const auto tissues = physics::ElasticTissues::of(path.scene, 1, physics::ElasticPace::kThread);
   std::vector<double> us;
   for (int tick = 0; us.size() < kSteps; ++tick) {
     physics::SceneForce force;
@@ -165,9 +163,8 @@ int main(int argc, char** argv) {
   app.add_option("--trace", trace_file,
                  "File for the last path: tick, force [N], reference [N], state of the jaws");
   return bench::run_bench(app, options, argc, argv, [&] {
-    SceneConfig base = load_session(std::string(PALPATE_SOURCE_DIR) +
-                                    "/deploy/sessions/retract.txtpb")
-                           .scene;
+    SceneConfig base =
+        load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/retract.txtpb").scene;
     if (!mesh.empty()) std::get<FileGeometry>(base.tissues.front().geometry).file = mesh;
     if (options.is_quick) std::get<ElasticMaterial>(base.tissues.front().material).is_linear = true;
     Table table({{"path", "path", ""},
@@ -203,9 +200,10 @@ int main(int argc, char** argv) {
         }
         table.add({path.name, 1e3 * network.delay_s, network.loss_ratio, ideal.peak,
                    std::sqrt(error2 / static_cast<double>(ideal.newton.size())) / ideal.peak,
-                   static_cast<double>(reversals_of(found.newton) - reversals_of(ideal.newton)),
-                   lost_at_s(found.grip), static_cast<double>(found.points_held),
-                   step_p99_us(path), p99_of(found.us)});
+                   static_cast<double>(reversals_of(found.newton, kLeastTurn * ideal.peak) -
+                                       reversals_of(ideal.newton, kLeastTurn * ideal.peak)),
+                   lost_at_s(found.grip), static_cast<double>(found.points_held), step_p99_us(path),
+                   p99_of(found.us)});
       }
     }
     table.publish(options);

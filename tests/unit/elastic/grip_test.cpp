@@ -211,8 +211,8 @@ TEST_F(GripScene, TheBodyGoesBackToRestWhenTheJawsOpenAndTheToolIsFree) {
   for (std::size_t i = 0; i < body.shown_nodes.size(); ++i) {
     for (std::size_t k = 0; k < 3; ++k) {
       const auto at = static_cast<Eigen::Index>(3 * body.shown_nodes[i] + k);
-      farthest_m = std::max(farthest_m, std::abs(static_cast<double>(at_rest[3 * i + k]) -
-                                                 body.start_m[at]));
+      farthest_m = std::max(farthest_m,
+                            std::abs(static_cast<double>(at_rest[3 * i + k]) - body.start_m[at]));
     }
   }
   EXPECT_LT(farthest_m, 1e-4);
@@ -267,7 +267,8 @@ TEST_F(GripScene, FollowsTheReportOfMofcNode) {
   const auto run = [&](double z_m, int ticks) {
     double newton = 0.0;
     for (int tick = 0; tick < ticks; ++tick, time_s += kTick_s) {
-      newton = force_z(*elastic, time_s, {0, 0, kTip_m + z_m}, {.is_closed = true, .report = report});
+      newton =
+          force_z(*elastic, time_s, {0, 0, kTip_m + z_m}, {.is_closed = true, .report = report});
     }
     return newton;
   };
@@ -301,9 +302,9 @@ TEST_F(GripScene, TwoToolsHoldOneBody) {
 }
 
 TEST_F(GripScene, AStepWithHeldTissueDoesNotAllocate) {
-  const auto elastic = std::make_shared<ElasticTissues>(elastic_bodies_of(scene_), 1, kTip_m,
-                                                        ElasticPace::kThread,
-                                                        std::filesystem::path{}, scene_.gripper);
+  const auto elastic =
+      std::make_shared<ElasticTissues>(elastic_bodies_of(scene_), 1, kTip_m, ElasticPace::kThread,
+                                       std::filesystem::path{}, scene_.gripper);
   const auto deadline = std::chrono::steady_clock::now() + test::patience(std::chrono::seconds(60));
   double time_s = 0.0;
   SceneForce force;

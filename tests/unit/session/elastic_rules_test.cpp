@@ -185,7 +185,8 @@ TEST(Materials, TheirTableIsInTheDocs) {
       << "refresh it with the output of `palpate explain materials`";
 }
 
-// --- scene.tool.gripper ---------------------------------------------------------------------------
+// --- scene.tool.gripper
+// ---------------------------------------------------------------------------
 
 std::string with_gripper(const std::string& gripper, const std::string& material) {
   return "name: \"x\" hand { press { until_s: 1 } } scene { tool { tip_radius_m: 0.006 gripper { " +
@@ -203,10 +204,10 @@ TEST(GripperRules, HasDefaultsThatFollowTheTip) {
   EXPECT_EQ(gripper.stiffness_newton_per_m, 2000.0);
   EXPECT_EQ(gripper.slip_newton(), 5.0);
   EXPECT_EQ(gripper.tear_newton, 8.0);
-  EXPECT_FALSE(parse_session("name: \"x\" scene { tool { tip_radius_m: 0.006 } tissue { " + kBlock +
-                                 " } }",
-                             "x.txtpb", {}, "/tmp")
-                   .scene.gripper);
+  EXPECT_FALSE(
+      parse_session("name: \"x\" scene { tool { tip_radius_m: 0.006 } tissue { " + kBlock + " } }",
+                    "x.txtpb", {}, "/tmp")
+          .scene.gripper);
 }
 
 TEST(GripperRules, NeedsElasticTissueAndFiguresInRange) {
@@ -218,7 +219,8 @@ TEST(GripperRules, NeedsElasticTissueAndFiguresInRange) {
                                                       HasSubstr("scene.tool.gripper" + field),
                                                       HasSubstr(words))));
   };
-  EXPECT_THAT(complaint("reach_m: 0.1 most_points: 1 jaw_newton: 1000 tear_newton: 1000"), IsEmpty());
+  EXPECT_THAT(complaint("reach_m: 0.1 most_points: 1 jaw_newton: 1000 tear_newton: 1000"),
+              IsEmpty());
   EXPECT_THAT(complaint("", "half_space {} kelvin_voigt { stiffness_newton_per_m: 400 }"),
               at("", "elastic"));
   EXPECT_THAT(complaint("button: 32"), at(".button", "31"));
