@@ -85,7 +85,7 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
              (at_m - seen_m_).norm() > elastic::kShortestWay_m) {
     K = elastic::updated_stiffness(K, at_m - seen_m_, seen_newton_ - newton);
   } else {
-    is_seen = velocity.norm() <= kStill_m_per_s;
+    is_seen = !is_alone || velocity.norm() <= kStill_m_per_s;
   }
   if (is_seen) {
     seen_m_ = at_m;

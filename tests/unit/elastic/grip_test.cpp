@@ -16,21 +16,22 @@
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "tests/bench/elastic/elastic_problems.h"
+#include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/machine/machine.h"
 
 namespace palpate::physics {
 namespace {
 
-constexpr double kTip_m = 0.006;
-constexpr double kReach_m = 0.05;
-constexpr double kTick_s = 1e-3;
+constexpr double kGripTip_m = 0.006;
+constexpr double kGripReach_m = 0.05;
+constexpr double kGripTick_s = 1e-3;
 
 /// Holds what is far from the points, and pulls: the force of the full solution.
 struct Pull {
-  elastic::Body body{elastic::bench::standing_block(elastic::block_mesh(4, 4, 4e-3),
-                                                    elastic::Law::kStableNeoHookean)};
-  std::vector<elastic::SurfacePoint> points{elastic::bench::top_points(body.mesh(), 0.012, 2)};
+  elastic::Body body{
+      bench::standing_block(elastic::block_mesh(4, 4, 4e-3), elastic::Law::kStableNeoHookean)};
+  std::vector<elastic::SurfacePoint> points{bench::top_points(body.mesh(), 0.012, 2)};
   elastic::HeldPoints held{};
   elastic::EquilibriumSearch search{body};
   elastic::WarpedFactor factor{body, elastic::Precision::kDouble};
@@ -52,12 +53,12 @@ class HeldObstacle final : public elastic::Obstacle {
   const elastic::HeldPoints& held_;
 };
 
-const Vector3 kTop_m(0.05, 0.05, 0.05);
+const Vector3 kGripTop_m(0.05, 0.05, 0.05);
 
 // Small strain: the force of a full solution is that of K = Jᵀ (C + 1/k)⁻¹ J, in each direction.
 TEST(Grip, ItsStiffnessIsThatOfTheFullSolution) {
   Pull pull;
-  pull.held.take(pull.points, pull.x.data(), kTop_m, 0.008, 64, 2000.0);
+  pull.held.take(pull.points, pull.x.data(), kGripTop_m, 0.008, 64, 2000.0);
   ASSERT_GT(pull.held.size(), 8U);
   std::vector<std::uint32_t> surface;
   for (const auto& point : pull.points) point.add_nodes_to(surface);
@@ -71,7 +72,7 @@ TEST(Grip, ItsStiffnessIsThatOfTheFullSolution) {
   const HeldObstacle obstacle(pull.held);
   for (int axis = 0; axis < 3; ++axis) {
     const Vector3 way_m = 1e-5 * Vector3::Unit(axis);
-    pull.held.set_place(kTop_m + way_m);
+    pull.held.set_place(kGripTop_m + way_m);
     pull.x = pull.body.rest_m();
     ASSERT_TRUE(find_rest(pull.search, pull.factor, const_cast<HeldObstacle*>(&obstacle),
                           {.tolerance_m = 1e-11}, pull.x)
@@ -88,7 +89,7 @@ TEST(Grip, ItsStiffnessIsThatOfTheFullSolution) {
 // A soft spring to a body that hardly gives way is that spring alone.
 TEST(Grip, SoftJawsAreTheirOwnStiffness) {
   Pull pull;
-  pull.held.take(pull.points, pull.x.data(), kTop_m, 0.008, 5, 1.0);
+  pull.held.take(pull.points, pull.x.data(), kGripTop_m, 0.008, 5, 1.0);
   EXPECT_EQ(pull.held.size(), 5U);
   std::vector<std::uint32_t> surface;
   for (const auto& point : pull.points) point.add_nodes_to(surface);
@@ -100,10 +101,10 @@ TEST(Grip, SoftJawsAreTheirOwnStiffness) {
 
 TEST(Grip, ASecondGripMakesTheBodyStiffer) {
   Pull pull;
-  pull.held.take(pull.points, pull.x.data(), kTop_m, 0.005, 64, 2000.0);
+  pull.held.take(pull.points, pull.x.data(), kGripTop_m, 0.005, 64, 2000.0);
   std::vector<elastic::HeldPoints> all(2);
   all[0] = pull.held;
-  all[1].take(pull.points, pull.x.data(), kTop_m + Vector3(0.01, 0, 0), 0.004, 64, 2000.0);
+  all[1].take(pull.points, pull.x.data(), kGripTop_m + Vector3(0.01, 0, 0), 0.004, 64, 2000.0);
   ASSERT_FALSE(all[1].is_empty());
   std::vector<std::uint32_t> surface;
   for (const auto& point : pull.points) point.add_nodes_to(surface);
@@ -137,7 +138,7 @@ class GripScene : public testing::Test {
     ElasticMaterial material{.young_pa = 4e3, .viscosity_s = 0.005};
     material.is_linear = true;
     material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0299}}};
-    scene_.tip_radius_m = kTip_m;
+    scene_.tip_radius_m = kGripTip_m;
     scene_.gripper = GripperConfig{.reach_m = 0.009, .jaw_newton = 200.0, .tear_newton = 100.0};
     scene_.tissues = {{.name = "block",
                        .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
@@ -150,7 +151,7 @@ class GripScene : public testing::Test {
   }
   /// On the surface for 0.1 s, then up at 50 mm/s, at most 20 mm; closed from 40 ms on.
   static Vector3 pulled(double time_s) {
-    return {0, 0, kTip_m - 2e-4 + std::clamp(0.05 * (time_s - 0.1), 0.0, 0.02)};
+    return {0, 0, kGripTip_m - 2e-4 + std::clamp(0.05 * (time_s - 0.1), 0.0, 0.02)};
   }
   static JawInput closed_from(double time_s) { return {.is_closed = time_s > 0.04}; }
 
@@ -160,19 +161,19 @@ class GripScene : public testing::Test {
 double force_z(ElasticTissues& elastic, double time_s, const Vector3& tip_m, const JawInput& jaw,
                std::size_t tool = 0) {
   SceneForce force;
-  elastic.step(tool, tip_m, time_s, kReach_m, force, jaw);
+  elastic.step(tool, tip_m, time_s, kGripReach_m, force, jaw);
   return force.force_on_tool_newton.z();
 }
 
 // The same model with a full solution every millisecond is the reference; 50 Hz in between.
 TEST_F(GripScene, TheForceOfAPullIsThatOfTheFullSolution) {
   const auto elastic = tissues();
-  ElasticReference reference(elastic_bodies_of(scene_), kTip_m, kTick_s, scene_.gripper);
+  ElasticReference reference(elastic_bodies_of(scene_), kGripTip_m, kGripTick_s, scene_.gripper);
   double error2 = 0.0;
   double peak = 0.0;
   const int ticks = test::kIsSanitized ? 200 : 600;
   for (int tick = 0; tick < ticks; ++tick) {
-    const double time_s = kTick_s * tick;
+    const double time_s = kGripTick_s * tick;
     const JawInput jaw = closed_from(time_s);
     const double newton = force_z(*elastic, time_s, pulled(time_s), jaw);
     SceneForce ideal;
@@ -193,16 +194,16 @@ TEST_F(GripScene, TheForceOfAPullIsThatOfTheFullSolution) {
 TEST_F(GripScene, TheBodyGoesBackToRestWhenTheJawsOpenAndTheToolIsFree) {
   const auto elastic = tissues();
   double time_s = 0.0;
-  for (; time_s < 0.6; time_s += kTick_s) {
+  for (; time_s < 0.6; time_s += kGripTick_s) {
     static_cast<void>(force_z(*elastic, time_s, pulled(time_s), closed_from(time_s)));
   }
   std::vector<float> at_rest;
   std::vector<float> strain;
   EXPECT_LT(force_z(*elastic, time_s, pulled(time_s), {.is_closed = true}), -0.1);
-  time_s += kTick_s;
+  time_s += kGripTick_s;
   EXPECT_EQ(force_z(*elastic, time_s, pulled(time_s), {}), 0.0) << "in the step of the opening";
   for (int tick = 0; tick < 1500; ++tick) {
-    time_s += kTick_s;
+    time_s += kGripTick_s;
     EXPECT_EQ(force_z(*elastic, time_s, pulled(time_s), {}), 0.0);
   }
   elastic->tissues()[0]->read_surface(at_rest, strain);
@@ -224,22 +225,22 @@ TEST_F(GripScene, SlipsOutAndTakesHoldAgain) {
   const auto elastic = tissues();
   double most = 0.0;
   double time_s = 0.0;
-  for (; time_s < 0.6; time_s += kTick_s) {
+  for (; time_s < 0.6; time_s += kGripTick_s) {
     const double newton = force_z(*elastic, time_s, pulled(time_s), closed_from(time_s));
     most = std::max(most, -newton);
   }
   EXPECT_NEAR(most, 0.2, 0.02);
   EXPECT_EQ(force_z(*elastic, time_s, pulled(time_s), {.is_closed = true}), 0.0);
   for (int tick = 0; tick < 300; ++tick) {
-    time_s += kTick_s;
+    time_s += kGripTick_s;
     EXPECT_EQ(force_z(*elastic, time_s, pulled(0.0) + Vector3(0, 0, 4e-4), {.is_closed = true}), 0)
         << "the jaws are closed around nothing";
   }
-  time_s += kTick_s;
+  time_s += kGripTick_s;
   static_cast<void>(force_z(*elastic, time_s, pulled(0.0), {}));
   double newton = 0.0;
   for (int tick = 0; tick < 200; ++tick) {
-    time_s += kTick_s;
+    time_s += kGripTick_s;
     newton = force_z(*elastic, time_s, pulled(0.0) + Vector3(0, 0, 1e-5 * std::max(0, tick - 60)),
                      {.is_closed = true});
   }
@@ -251,7 +252,7 @@ TEST_F(GripScene, TearsAtItsLimit) {
   const auto elastic = tissues();
   double most = 0.0;
   double last = 0.0;
-  for (double time_s = 0.0; time_s < 0.6; time_s += kTick_s) {
+  for (double time_s = 0.0; time_s < 0.6; time_s += kGripTick_s) {
     last = force_z(*elastic, time_s, pulled(time_s), closed_from(time_s));
     most = std::max(most, -last);
   }
@@ -266,14 +267,14 @@ TEST_F(GripScene, FollowsTheReportOfMofcNode) {
   GripReport report{.physics_session_id = 1, .number = 1};
   const auto run = [&](double z_m, int ticks) {
     double newton = 0.0;
-    for (int tick = 0; tick < ticks; ++tick, time_s += kTick_s) {
-      newton =
-          force_z(*elastic, time_s, {0, 0, kTip_m + z_m}, {.is_closed = true, .report = report});
+    for (int tick = 0; tick < ticks; ++tick, time_s += kGripTick_s) {
+      newton = force_z(*elastic, time_s, {0, 0, kGripTip_m + z_m},
+                       {.is_closed = true, .report = report});
     }
     return newton;
   };
-  static_cast<void>(force_z(*elastic, time_s, {0, 0, kTip_m}, {}));
-  time_s += kTick_s;
+  static_cast<void>(force_z(*elastic, time_s, {0, 0, kGripTip_m}, {}));
+  time_s += kGripTick_s;
   run(0.0, 100);
   const double pulled = run(0.004, 200);
   EXPECT_LT(pulled, -0.1);
@@ -289,7 +290,7 @@ TEST_F(GripScene, FollowsTheReportOfMofcNode) {
 TEST_F(GripScene, TwoToolsHoldOneBody) {
   const auto elastic = tissues(2);
   double lifted = 0.0;
-  for (double time_s = 0.0; time_s < 0.6; time_s += kTick_s) {
+  for (double time_s = 0.0; time_s < 0.6; time_s += kGripTick_s) {
     const JawInput jaw = closed_from(time_s);
     const Vector3 aside(0.008, 0, 0);
     static_cast<void>(force_z(*elastic, time_s, pulled(time_s) - aside, jaw, 0));
@@ -302,18 +303,18 @@ TEST_F(GripScene, TwoToolsHoldOneBody) {
 }
 
 TEST_F(GripScene, AStepWithHeldTissueDoesNotAllocate) {
-  const auto elastic =
-      std::make_shared<ElasticTissues>(elastic_bodies_of(scene_), 1, kTip_m, ElasticPace::kThread,
-                                       std::filesystem::path{}, scene_.gripper);
+  const auto elastic = std::make_shared<ElasticTissues>(elastic_bodies_of(scene_), 1, kGripTip_m,
+                                                        ElasticPace::kThread,
+                                                        std::filesystem::path{}, scene_.gripper);
   const auto deadline = std::chrono::steady_clock::now() + test::patience(std::chrono::seconds(60));
   double time_s = 0.0;
   SceneForce force;
   while (force.listed_count == 0 || force.contacts[0].grip.number == 0) {
     ASSERT_LT(std::chrono::steady_clock::now(), deadline);
-    time_s += kTick_s;
+    time_s += kGripTick_s;
     force = {};
     const test::AllocGuard guard;
-    elastic->step(0, pulled(0.0), time_s, kReach_m, force, {.is_closed = time_s > 0.005});
+    elastic->step(0, pulled(0.0), time_s, kGripReach_m, force, {.is_closed = time_s > 0.005});
     EXPECT_EQ(guard.count(), 0U);
     std::this_thread::yield();
   }
