@@ -121,7 +121,8 @@ void ElasticReference::hold(One& one, const Vector3& tip_m) const {
   one.held.read(*one.simulation, 0, one.compliance->compliance(), step_s_, one.held.changes(),
                 true);
   const Vector3 velocity = one.held.model().velocity_m_per_s;
-  one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m, velocity);
+  one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m, velocity,
+                                one.held.model().relaxation_s / step_s_);
   one.rubbing = {};
   one.contact = {};
   if (!one.jaw.holds(one.held.model())) return;

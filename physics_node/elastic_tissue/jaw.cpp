@@ -109,10 +109,11 @@ void SlippingJaw::set(std::uint32_t closing) noexcept {
 }
 
 Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper, const Vector3& tip_m,
-                         const Vector3& v_m_per_s) noexcept {
+                         const Vector3& v_m_per_s, double viscous_ratio) noexcept {
   if (!holds(model)) return Vector3::Zero();
-  const GripSlip slip = slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s),
-                                     model.stiffness_newton_per_m, gripper.slip_newton());
+  const GripSlip slip =
+      slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s),
+                   (1.0 + viscous_ratio) * model.stiffness_newton_per_m, gripper.slip_newton());
   slip_m_ += slip.slip_m;
   is_lost_ = slip.force_on_tool_newton.norm() > gripper.tear_newton ||
              !(slip_m_.norm() <= gripper.reach_m);

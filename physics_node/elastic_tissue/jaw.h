@@ -98,8 +98,10 @@ class SlippingJaw {
   /// @param closing  number of the closing; 0: they are open
   void set(std::uint32_t closing) noexcept;
   /// The force on the tool there, after it has slipped, if the model is of this closing.
+  /// @param viscous_ratio  β over the length of a step, where a slip counts for the velocity, too
   [[nodiscard]] Vector3 act(const GripModel& model, const GripperConfig& gripper,
-                            const Vector3& tip_m, const Vector3& v_m_per_s) noexcept;
+                            const Vector3& tip_m, const Vector3& v_m_per_s,
+                            double viscous_ratio = 0.0) noexcept;
   /// Somebody else decides.
   void follow(const Vector3& slip_m, bool has_let_go) noexcept;
   [[nodiscard]] JawCommand command() const noexcept;
