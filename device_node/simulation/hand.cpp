@@ -300,15 +300,11 @@ Target Hand::target_without_sense(double t_s) noexcept {
   return target;
 }
 
-void Hand::let_go() noexcept {
-  is_returning_ = led_.has_value() && !is_hostile_;
-  led_buttons_ = 0;
-}
+void Hand::let_go() noexcept { is_returning_ = led_.has_value() && !is_hostile_; }
 
-void Hand::lead_to(const Vector3& goal_m, std::uint32_t buttons) noexcept {
+void Hand::lead_to(const Vector3& goal_m) noexcept {
   if (!config_.pointer) return;
   is_returning_ = false;
-  led_buttons_ = buttons;
   if (!led_) {
     led_.emplace(*config_.pointer, is_hostile_ ? hostile_.position_m() : intended_m_,
                  is_hostile_ ? hostile_.t_s() : t_s_);
@@ -317,7 +313,7 @@ void Hand::lead_to(const Vector3& goal_m, std::uint32_t buttons) noexcept {
 }
 
 std::uint32_t Hand::buttons(double t_s) const noexcept {
-  std::uint32_t held = led_buttons_;
+  std::uint32_t held = 0;
   for (const ButtonPress& press : config_.presses) {
     if (t_s >= press.from_s && t_s < press.until_s) held |= 1U << press.button;
   }
