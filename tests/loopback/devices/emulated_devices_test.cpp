@@ -188,7 +188,7 @@ TEST_F(EmulatedDevices, ADeviceThatLostItsSupplySaysWhatItNeedsAndEachVainSignal
   EXPECT_EQ(powered.wait(), 0);
   launch.await_err("event=device_fault ");
   Program unpowered("palpate",
-                    {"emulate", kHaplySession, "--set", port, "--fault", "no_supply@0:1000000000"});
+                    {"emulate", kHaplySession, "--set", port, "--fault", "no_supply@0:999999"});
   unpowered.await_err("emulates the device at");
 
   const auto signals_until = [&](const std::string& line, int times) {
