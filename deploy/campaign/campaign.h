@@ -97,6 +97,9 @@ struct Campaign {
   [[nodiscard]] bool is_violated(std::span<const double> figures) const;
 };
 
+/// Of name and content; of the name alone where the file cannot be read.
+[[nodiscard]] std::uint64_t hash_of_file(const std::filesystem::path& file);
+
 /// Reads and checks the campaign and the session of its first run in every cell (of the first 1000
 /// cells). Throws SetupError.
 /// @param runs  instead of those of the file

@@ -161,17 +161,6 @@ class Reader {
   Campaign campaign_;
 };
 
-std::uint64_t hash_of_file(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::uint64_t hash = fnv1a(file.filename().string());
-  std::string block(1U << 16U, '\0');
-  while (in.read(block.data(), static_cast<std::streamsize>(block.size())) || in.gcount() > 0) {
-    hash = hash * 1099511628211ULL ^
-           fnv1a(std::string_view(block.data(), static_cast<std::size_t>(in.gcount())));
-  }
-  return hash;
-}
-
 /// Not of the number of runs: a campaign may go on with more.
 std::uint64_t fingerprint_of(v1::Campaign written, const std::set<std::string>& files) {
   written.clear_runs();
@@ -199,6 +188,17 @@ std::set<std::string> files_of_runs(const Campaign& campaign) {
 }
 
 }  // namespace
+
+std::uint64_t hash_of_file(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::uint64_t hash = fnv1a(file.filename().string());
+  std::string block(1U << 16U, '\0');
+  while (in.read(block.data(), static_cast<std::streamsize>(block.size())) || in.gcount() > 0) {
+    hash = hash * 1099511628211ULL ^
+           fnv1a(std::string_view(block.data(), static_cast<std::size_t>(in.gcount())));
+  }
+  return hash;
+}
 
 Campaign load_campaign(const fs::path& file, std::optional<std::uint64_t> runs) {
   Problems problems(file.string());

@@ -48,16 +48,7 @@ std::uint64_t Trial::seed(const Plan& plan) const {
 }
 
 std::vector<std::string> Trial::overrides(const Plan& plan) const {
-  std::vector<std::string> all = plan.overrides;
-  const auto add = [&](const std::vector<std::string>& more) {
-    all.insert(all.end(), more.begin(), more.end());
-  };
-  add(plan.conditions[condition].overrides);
-  if (!plan.staircase) return all;
-  all.push_back(fmt::format("{}={:.9g}", plan.staircase->field,
-                            plan.staircase->reference * (1.0 + difference_ratio)));
-  add(plan.staircase->alternatives[alternative]);
-  return all;
+  return plan.overrides_of(condition, alternative, difference_ratio);
 }
 
 }  // namespace palpate::study

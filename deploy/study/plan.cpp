@@ -4,14 +4,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <set>
 
 #include "common/core/check.h"
 #include "common/core/problems.h"
 #include "common/core/random.h"
 #include "common/session/session_file.h"
+#include "deploy/campaign/campaign.h"
 #include "deploy/campaign/checked_text.h"
 #include "palpate/v1/study.pb.h"
 
@@ -72,31 +71,33 @@ Plan to_plan(const v1::Study& written, const campaign::CheckedText& text) {
   return plan;
 }
 
-/// All sets of overrides that a trial may have, without that of the staircase's field.
+/// All sets of overrides that a trial may have, with the reference in the staircase's field.
 std::vector<std::vector<std::string>> overrides_of(const Plan& plan) {
   std::vector<std::vector<std::string>> all;
-  for (const Condition& condition : plan.conditions) {
-    std::vector<std::string> one = plan.overrides;
-    one.insert(one.end(), condition.overrides.begin(), condition.overrides.end());
-    if (!plan.staircase) {
-      all.push_back(std::move(one));
-      continue;
-    }
-    one.push_back(fmt::format("{}={}", plan.staircase->field, plan.staircase->reference));
-    for (const auto& alternative : plan.staircase->alternatives) {
-      all.push_back(one);
-      all.back().insert(all.back().end(), alternative.begin(), alternative.end());
+  const std::size_t alternatives = plan.staircase ? plan.staircase->alternatives.size() : 1;
+  for (std::size_t condition = 0; condition < plan.conditions.size(); ++condition) {
+    for (std::size_t alternative = 0; alternative < alternatives; ++alternative) {
+      all.push_back(plan.overrides_of(condition, alternative, 0.0));
     }
   }
   return all;
 }
 
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 }  // namespace
+
+std::vector<std::string> Plan::overrides_of(std::size_t condition, std::size_t alternative,
+                                            double difference_ratio) const {
+  std::vector<std::string> all = overrides;
+  const auto add = [&](const std::vector<std::string>& more) {
+    all.insert(all.end(), more.begin(), more.end());
+  };
+  add(conditions[condition].overrides);
+  if (!staircase) return all;
+  all.push_back(
+      fmt::format("{}={:.9g}", staircase->field, staircase->reference * (1.0 + difference_ratio)));
+  add(staircase->alternatives[alternative]);
+  return all;
+}
 
 Plan load_plan(const std::filesystem::path& file) {
   Problems problems(file.string());
@@ -124,7 +125,7 @@ Plan load_plan(const std::filesystem::path& file) {
     }
   }
   for (const std::string& name : files_of_any(plan.session_file, named)) {
-    all += name + bytes_of(name);
+    all += fmt::format("{}\n{:x}\n", name, campaign::hash_of_file(name));
   }
   plan.fingerprint = fnv1a(all);
   return plan;

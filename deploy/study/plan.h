@@ -3,6 +3,7 @@
 // difficulty follows the answers.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -39,6 +40,11 @@ struct Plan {
   std::uint64_t seed = 1;
   std::optional<StaircasePlan> staircase{};
   std::uint64_t fingerprint = 0;  ///< of the plan and of every file that its sessions name
+
+  /// Of a trial, as --set has them. @param alternative, difference_ratio  with a staircase
+  [[nodiscard]] std::vector<std::string> overrides_of(std::size_t condition,
+                                                      std::size_t alternative,
+                                                      double difference_ratio) const;
 };
 
 /// Reads a plan and every session that it makes. Throws SetupError with all that is wrong.

@@ -128,23 +128,22 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
   }
 
   if (path == "/healthz") return {.status = 200, .text = "ok\n"};
-  if (path == "/metrics" || path == "/verdict" || path == "/task") {
-    if (!is_known_origin(request, rules))
-      return refusal(403, "pages of this origin may not read the metrics\n");
+  const bool is_told = path == "/metrics" || path == "/verdict" || path == "/task";
+  constexpr std::string_view kFolder = "/recordings/";
+  const std::string_view recording = path.starts_with(kFolder) ? path.substr(kFolder.size()) : "";
+  const bool is_list = path == "/recordings";
+  if (is_told || is_list || !recording.empty()) {
+    if (!is_known_origin(request, rules)) {
+      return refusal(403, is_told ? "pages of this origin may not read the metrics\n"
+                                  : "pages of this origin may not read recordings\n");
+    }
     if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
     return {.status = 200,
             .is_metrics = path == "/metrics",
             .is_verdict = path == "/verdict",
-            .is_task = path == "/task"};
-  }
-  constexpr std::string_view kFolder = "/recordings/";
-  const std::string_view recording = path.starts_with(kFolder) ? path.substr(kFolder.size()) : "";
-  if (path == "/recordings" || !recording.empty()) {
-    if (!is_known_origin(request, rules))
-      return refusal(403, "pages of this origin may not read recordings\n");
-    if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
-    if (recording.empty()) return {.status = 200, .is_list = true};
-    return {.status = 200, .recording = std::string(recording)};
+            .is_task = path == "/task",
+            .is_list = is_list,
+            .recording = std::string(recording)};
   }
   for (const WebAsset& asset : web_assets()) {
     if (path != asset.path) continue;

@@ -99,10 +99,20 @@ struct Line {
   std::string news;
 };
 
-std::string number_text(const json& from, const char* key, const char* form, double scale = 1.0) {
+/// Null: `from` is no object, or has no such member.
+const json& member(const json& from, const char* key) {
+  static const json kNothing;
   const auto value = from.find(key);
-  if (value == from.end() || !value->is_number()) return "";
-  return fmt::format(fmt::runtime(form), scale * value->get<double>());
+  return value == from.end() ? kNothing : *value;
+}
+
+std::string number_text(const json& value, const char* form, double scale = 1.0) {
+  return value.is_number() ? fmt::format(fmt::runtime(form), scale * value.get<double>()) : "";
+}
+
+/// A station of a stranger may say anything, in any type.
+std::string words(const json& value) {
+  return value.is_string() ? one_line(value.get<std::string>()) : "";
 }
 
 Line line_of(const StationAnswer& answer) {
@@ -117,16 +127,14 @@ Line line_of(const StationAnswer& answer) {
     line.state = "no task";
     return line;
   }
-  line.state = one_line(task.value("phase", ""));
-  line.time = number_text(task, "elapsed_s", "{:.0f}");
-  line.marks = number_text(task, "marks", "{:.0f}");
-  const json score = task.value("score", json::object());
-  line.coverage = number_text(score, "coverage_ratio", "{:.0f}", 100.0);
-  line.force = number_text(score.value("force", json::object()), "most_n", "{:.2f}");
-  const json findings = task.value("findings", json::array());
-  if (!findings.empty() && findings[0].is_string()) {
-    line.news = one_line(findings[0].get<std::string>()).substr(0, kMostNews);
-  }
+  line.state = words(member(task, "phase"));
+  line.time = number_text(member(task, "elapsed_s"), "{:.0f}");
+  line.marks = number_text(member(task, "marks"), "{:.0f}");
+  const json& score = member(task, "score");
+  line.coverage = number_text(member(score, "coverage_ratio"), "{:.0f}", 100.0);
+  line.force = number_text(member(member(score, "force"), "most_n"), "{:.2f}");
+  const json& findings = member(task, "findings");
+  if (findings.is_array() && !findings.empty()) line.news = words(findings[0]).substr(0, kMostNews);
   return line;
 }
 
