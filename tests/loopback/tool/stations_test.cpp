@@ -15,7 +15,6 @@ namespace {
 
 using test::Outcome;
 using test::run_program;
-using testing::AllOf;
 using testing::ContainsRegex;
 using testing::HasSubstr;
 using viewer::WebServer;
