@@ -50,7 +50,7 @@ std::string csv_number(double value) {
 /// The last column of a table.
 std::string needle_text(const std::optional<NeedleScore>& needle) {
   if (!needle) return "";
-  const std::string outcome = std::string("  ") + name(needle->outcome());
+  std::string outcome = std::string("  ") + name(needle->outcome());
   if (!(needle->overshoot_m > 0.0)) return outcome;
   return outcome + fmt::format(", {:.1f} mm behind", 1e3 * needle->overshoot_m);
 }

@@ -98,7 +98,7 @@ fs::path Folder::trial_folder(std::uint64_t participant, std::uint64_t number) c
 }
 
 fs::path Folder::begin(const Trial& trial) const {
-  const fs::path folder = trial_folder(trial.participant, trial.number);
+  fs::path folder = trial_folder(trial.participant, trial.number);
   std::error_code error;
   fs::remove_all(folder, error);
   if (!error) fs::create_directories(folder, error);

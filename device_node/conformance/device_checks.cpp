@@ -242,7 +242,7 @@ CheckOutcome check_reported_force(DeviceBench& bench) {
     return failed("a reading after the lease says that a force goes on: end it there");
   }
   // what it says is one thing, what its motors do another
-  const CheckOutcome ended =
+  CheckOutcome ended =
       bench.motor_force_newton()
           ? expect_motors(bench, Vector3::Zero(), "after the first reading behind the lease")
           : check_lease_by_motion(bench);

@@ -217,8 +217,8 @@ void WebServer::Impl::with_client(std::uint64_t id, Use use) {
   });
 }
 
-WebServer::WebServer(const WebServerConfig& config, ServerDescription description)
-    : impl_(std::make_unique<Impl>(config, std::move(description))) {}
+WebServer::WebServer(const WebServerConfig& config, const ServerDescription& description)
+    : impl_(std::make_unique<Impl>(config, description)) {}
 WebServer::~WebServer() = default;
 
 std::uint16_t WebServer::port() const { return impl_->port; }

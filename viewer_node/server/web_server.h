@@ -47,7 +47,7 @@ struct WebServerConfig {
 class WebServer {
  public:
   /// Starts to listen. Throws SetupError. @param description  sent to every client
-  WebServer(const WebServerConfig& config, ServerDescription description);
+  WebServer(const WebServerConfig& config, const ServerDescription& description);
   ~WebServer();
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;

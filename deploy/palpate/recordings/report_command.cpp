@@ -64,6 +64,7 @@ struct ReportCommand {
     if (!output.empty()) {
       Progress progress("report", verbosity.is_quiet);
       std::vector<ReportSection> sections;
+      sections.reserve(recordings.size());
       for (const auto& recording : recordings) sections.push_back(task_section(*recording));
       const std::string html = report_html(
           recordings, [&](double ratio) { progress.show(ratio); }, sections);

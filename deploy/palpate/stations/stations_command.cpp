@@ -9,6 +9,7 @@
 
 #include "common/core/clock.h"
 #include "common/core/user/output_file.h"
+#include "common/process/options.h"
 #include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"

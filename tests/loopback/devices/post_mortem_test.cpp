@@ -45,7 +45,7 @@ DeviceConfig monitored_config() {
 /// As the flight recorder writes it.
 std::string file_of(const TempFolder& folder, const PostMortem& post_mortem,
                     const std::vector<DeviceTick>& ticks = {}) {
-  const std::string path = (folder.path() / "flight-device-test.csv").string();
+  std::string path = (folder.path() / "flight-device-test.csv").string();
   std::ofstream out(path);
   write_flight_header(out, DeviceTick{});
   for (const DeviceTick& tick : ticks) write_flight_row(out, tick);

@@ -25,7 +25,6 @@ using test::run_program;
 using test::text_of;
 using testing::AllOf;
 using testing::HasSubstr;
-using testing::MatchesRegex;
 using testing::Not;
 
 constexpr const char* kSessions = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/";

@@ -200,9 +200,8 @@ constexpr double kFlavumEnds_m = 0.033;
 
 TEST_F(Tasks, TheGoodHandStopsBehindTheMembraneAndThePoorOneIsToldWhatItHurt) {
   const auto run = [&](const char* session, const std::string& name) {
-    const Outcome outcome =
-        palpate({"loopback", session, "--no-ideal", "--csv", path(name + ".csv"), "--json",
-                 path(name + ".json"), "--record", path(name + ".mcap")});
+    Outcome outcome = palpate({"loopback", session, "--no-ideal", "--csv", path(name + ".csv"),
+                               "--json", path(name + ".json"), "--record", path(name + ".mcap")});
     EXPECT_EQ(outcome.status, 0) << outcome.err;
     return outcome;
   };

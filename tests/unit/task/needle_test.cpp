@@ -65,7 +65,7 @@ double depth_m(double t_s, double end_m) {
 }
 
 /// With even speed to a depth, and there for a second.
-TaskScore pushed_to(double end_m, TaskConfig task = epidural()) {
+TaskScore pushed_to(double end_m, const TaskConfig& task = epidural()) {
   return pushed(task, (end_m - kStart_m) / kSpeed_m_per_s + 1.0,
                 [&](double t_s) { return needle_at(depth_m(t_s, end_m)); });
 }

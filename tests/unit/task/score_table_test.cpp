@@ -12,7 +12,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-NamedScore run_of(const std::string& name, std::vector<TargetScore::Outcome> outcomes,
+NamedScore run_of(const std::string& name, const std::vector<TargetScore::Outcome>& outcomes,
                   std::size_t false_alarms) {
   NamedScore one{.run = name,
                  .score = {.kind = TaskState::Kind::kPalpation, .end = TaskScore::End::kStopped}};
