@@ -300,7 +300,7 @@ test_alone("a replay is led from the page, and nobody can touch it", {}, async (
 });
 
 test_alone("a lesion is hidden until the task has ended, and then shown with the score", {}, async () => {
-  nodes = await Nodes.start(["task.start=by_person", "hand.hold={ position_m { z: 0.03 } }"], "tasks/lump_search");
+  nodes = await Nodes.start(["task.start=by_person", "hand={ pointer {} hold { position_m { z: 0.03 } } }"], "tasks/lump_search");
   const page = await open(browser, nodes.url, { wait: false });
   const frames = []; // everything that leaves the server
   page.on("websocket", (socket) => socket.on("framereceived", ({ payload }) => frames.push(Buffer.from(payload))));

@@ -757,7 +757,9 @@ page_test("with a needle the button says that the resistance is lost", {}, async
 page_test("in a replay a task offers nothing to press", {}, async (page) => {
   server.world.replay = { ...kReplay };
   server.world.task = { ...kTask, phase: 1 };
+  await until(page, (t) => t.replay, "the replay");
   await until_shown(page, "#task", /left/);
+  await page.locator("#task-find").waitFor({ state: "hidden" });
   assert.equal(await page.locator("#task button:visible").count(), 0);
   server.world.replay = undefined;
   server.world.task = undefined;
