@@ -53,7 +53,9 @@ class PointerInput {
     TimePoint received_at;
     while (targets_.receive(target, received_at)) {
       if (!hold_.accept(target, received_at)) continue;
-      goals_.push(target.is_released ? std::nullopt : std::optional(target.hand_position_m));
+      goals_.push(target.is_released
+                      ? std::nullopt
+                      : std::optional(HandGoal{target.hand_position_m, target.buttons}));
     }
     if (hold_.is_held(now) != was_held_) {
       was_held_ = !was_held_;

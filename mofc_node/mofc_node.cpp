@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "mofc_node/make_controller.h"
 #include "mofc_node/model_probe.h"
@@ -129,7 +130,8 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
            .state = after_fade,
            .is_clamped = output.is_clamped,
            .is_in_contact = wanted.tissue.is_touching,
-           .is_from_standby = choice_.in_use() == PhysicsRole::kStandby};
+           .is_from_standby = choice_.in_use() == PhysicsRole::kStandby,
+           .grip = static_cast<GripState>(tissue_.held_tissue(choice_.in_use()).state())};
   count(*turn_, echo, physics, output, faded.phase);
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
   ForceCommand command = make_command(state, faded.force_newton, lease, now);
@@ -196,7 +198,8 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
   if (is_gone(answers[0])) tissue_.drop(PhysicsRole::kFirst, choice_.in_use());
   relay_.set_hints(PhysicsRole::kFirst,
                    {.receipts = tissue_.receipts(PhysicsRole::kFirst),
-                    .elastic_receipts = tissue_.elastic_receipts(PhysicsRole::kFirst)});
+                    .elastic_receipts = tissue_.elastic_receipts(PhysicsRole::kFirst),
+                    .grip = tissue_.held_tissue(PhysicsRole::kFirst).report()});
   newest_ = {answers[0].interaction, nullptr};
   if (!standby_) return answers[0];
 
@@ -214,10 +217,10 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
   const PhysicsRole in_use = choice_.step(heard, now);
   relay_.use(in_use, choice_.term());
   for (const PhysicsRole role : {PhysicsRole::kFirst, PhysicsRole::kStandby}) {
-    relay_.set_hints(role,
-                     {.receipts = tissue_.receipts(role),
-                      .elastic_receipts = tissue_.elastic_receipts(role),
-                      .scene_time = tissue_.scene_time(role, in_use, state.header.sampled_at)});
+    relay_.set_hints(role, {.receipts = tissue_.receipts(role),
+                            .elastic_receipts = tissue_.elastic_receipts(role),
+                            .scene_time = tissue_.scene_time(role, in_use, state.header.sampled_at),
+                            .grip = tissue_.held_tissue(role).report()});
   }
   return answers[index_of(in_use)];
 }
@@ -260,6 +263,7 @@ void MofcNode::count(const MofcTick& turn, const DeviceEcho::Report& echo,
   ++counters_.ticks;
   if (turn.is_in_contact) ++counters_.contact_ticks;
   if (turn.is_from_standby) ++counters_.standby_ticks;
+  count_grip(turn.grip);
   if (turn.is_clamped) ++counters_.clamped_ticks;
   if (output.is_too_fast) ++counters_.too_fast_ticks;
   if (physics.is_late) ++counters_.late_physics_ticks;
@@ -277,6 +281,17 @@ void MofcNode::count(const MofcTick& turn, const DeviceEcho::Report& echo,
   if (!disturbed_ || turn.device_sampled_at - *disturbed_ > kAftermath) return;
   if (turn.is_in_contact) ++counters_.disturbed_contact_ticks;
   if (turn.is_clamped) ++counters_.disturbed_clamped_ticks;
+}
+
+void MofcNode::count_grip(GripState grip) noexcept {
+  const GripState before = std::exchange(grip_, grip);
+  if (grip == before) return;
+  const auto holds = [](GripState one) {
+    return one == GripState::kHolds || one == GripState::kSlips;
+  };
+  if (holds(grip) && !holds(before)) ++counters_.grips;
+  if (grip == GripState::kTorn) ++counters_.grips_torn;
+  if (grip == GripState::kSlipped) ++counters_.grips_slipped;
 }
 
 }  // namespace palpate::mofc

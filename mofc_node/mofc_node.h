@@ -93,6 +93,7 @@ class MofcNode {
                                           Duration lease, TimePoint now) noexcept;
   void count(const MofcTick& turn, const DeviceEcho::Report& echo, const PhysicsAnswer& physics,
              const controllers::ControlOutput& output, SilenceFade::Phase phase) noexcept;
+  void count_grip(GripState grip) noexcept;
 
   InteractionUse interaction_use_;
   ClampedDevice device_;
@@ -119,6 +120,7 @@ class MofcNode {
   std::optional<std::uint64_t> device_session_;
   std::uint64_t next_command_ = 1;
   std::optional<std::uint64_t> used_interaction_;  // sequence of the last one that was evaluated
+  GripState grip_ = GripState::kNone;              // of the previous turn
   std::uint64_t wave_stream_ = 0;                  // a new one after every clutch
   std::optional<MofcTick> turn_;                   // its record, until finish_turn()
   MofcCounters counters_;

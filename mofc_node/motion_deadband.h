@@ -17,6 +17,12 @@ namespace palpate::mofc {
   if (present.device_session_id != sent.device_session_id) return true;
   if (present.header.sampled_at - sent.header.sampled_at >= deadband.keep_alive) return true;
   if (present.buttons != sent.buttons) return true;
+  if (present.grip.has_value() != sent.grip.has_value()) return true;
+  if (present.grip && (present.grip->number != sent.grip->number ||
+                       present.grip->has_let_go != sent.grip->has_let_go ||
+                       (present.grip->slip_m - sent.grip->slip_m).norm() > deadband.floor_m)) {
+    return true;
+  }
 
   const Vector3& v = present.tool_velocity_world_m_per_s;
   const double velocity_change = (v - sent.tool_velocity_world_m_per_s).norm();

@@ -33,6 +33,7 @@ void MotionRelay::update(const DeviceState& state, const Vector3& mean_force_new
 void MotionRelay::send() noexcept {
   if (!is_pending_) return;
   is_pending_ = false;
+  motion_.grip = hints_[index_of(in_use_)].grip;
   if (deadband_ && sent_ && sent_->physics_term == motion_.physics_term &&
       !is_worth_sending(*sent_, motion_, *deadband_)) {
     ++suppressed_;
@@ -52,6 +53,7 @@ SendResult MotionRelay::send_to(PhysicsRole receiver) noexcept {
   motion_.receipts = hints.receipts;
   motion_.elastic_receipts = hints.elastic_receipts;
   motion_.scene_time = hints.scene_time;
+  motion_.grip = hints.grip;
   return (receiver == PhysicsRole::kFirst ? out_ : *standby_out_).send(motion_);
 }
 

@@ -37,6 +37,7 @@ class MotionRelay {
     SurfaceReceipts receipts{};
     std::optional<ElasticReceipts> elastic_receipts{};
     std::optional<TimePoint> scene_time{};
+    std::optional<GripReport> grip{};
   };
   void set_hints(PhysicsRole receiver, const PhysicsHints& hints) noexcept {
     hints_[index_of(receiver)] = hints;

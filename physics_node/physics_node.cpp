@@ -88,6 +88,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   counters_.worst_compute_time = std::max(counters_.worst_compute_time, compute_time);
   const bool is_touching = interaction.contact_count > 0 && interaction.listed_count > 0;
   const Contact& deepest = interaction.contacts.front();
+  const bool is_held = is_touching && deepest.grip.number != 0;  // in jaws, which have no depth
   if (interaction.contact_count > 0) {
     if (steps_ == 1) counters_.is_started_in_contact = true;
     ++counters_.contact_steps;
@@ -100,8 +101,12 @@ void PhysicsNode::step(const Tick& tick) noexcept {
                    .stored_energy_joule = interaction.stored_energy_joule,
                    .contact_count = interaction.contact_count,
                    .compute_time = compute_time,
-                   .penetration_m = is_touching ? deepest.penetration_m : 0.0,
-                   .stiffness_newton_per_m = is_touching ? stiffness_along_normal(deepest) : 0.0});
+                   .penetration_m = is_held       ? kNaN
+                                    : is_touching ? deepest.penetration_m
+                                                  : 0.0,
+                   .stiffness_newton_per_m = is_held       ? kNaN
+                                             : is_touching ? stiffness_along_normal(deepest)
+                                                           : 0.0});
 }
 
 void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexcept {

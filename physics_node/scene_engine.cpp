@@ -38,10 +38,20 @@ void reduce_to_range(Interaction& interaction) noexcept {
     contact.hunt_crossley_stiffness_newton_per_m =
         std::min(contact.hunt_crossley_stiffness_newton_per_m, kMaxStiffnessNewtonPerM);
     contact.stored_energy_joule = std::min(contact.stored_energy_joule, kMaxStoredEnergyJoule);
+    contact.grip.slip_newton = std::min(contact.grip.slip_newton, kMaxTissueForceNewton);
   }
   reduce(interaction.force_on_tool_newton, kMaxTissueForceNewton);
   interaction.stored_energy_joule =
       std::min(interaction.stored_energy_joule, kMaxStoredEnergyJoule);
+}
+
+JawInput jaw_of(const ToolMotion& motion, std::uint64_t session_id,
+                const ElasticTissues* elastic) noexcept {
+  if (elastic == nullptr || !elastic->gripper()) return {};
+  JawInput jaw{.is_closed = ((motion.buttons >> elastic->gripper()->button) & 1U) != 0,
+               .velocity_m_per_s = motion.tool_velocity_world_m_per_s};
+  if (motion.grip && motion.grip->physics_session_id == session_id) jaw.report = motion.grip;
+  return jaw;
 }
 
 }  // namespace
@@ -71,7 +81,8 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
   }
   const SceneForce force = tool_.step({.position_m = motion.tool_position_world_m,
                                        .velocity_m_per_s = motion.tool_velocity_world_m_per_s,
-                                       .orientation = motion.tool_orientation_world},
+                                       .orientation = motion.tool_orientation_world,
+                                       .jaw = jaw_of(motion, answer.header.session_id, elastic)},
                                       time_s);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;

@@ -169,7 +169,8 @@ ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position
     const auto other = std::find_if(shares.begin(), shares.end(), [&](const TissueShare& share) {
       return share.tissue == contact.tissue;
     });
-    const double weight = other != shares.end() ? 1.0 - other->share : 1.0;
+    const bool is_held = contact.grip.number != 0;
+    const double weight = is_held ? 0.0 : other != shares.end() ? 1.0 - other->share : 1.0;
     if (weight > 0.0) {
       const ModelForce one = evaluate(contact, d, tool_velocity_world_m_per_s, age_s);
       sum.force_on_tool_newton += weight * one.force_on_tool_newton;
@@ -192,7 +193,9 @@ ModelForce evaluate_tissue(const Interaction& interaction, std::uint32_t tissue,
   const Vector3 d = tool_position_world_m - interaction.tool_position_world_m;
   ModelForce sum;
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
-    if (interaction.contacts[i].tissue != tissue) continue;
+    if (interaction.contacts[i].tissue != tissue || interaction.contacts[i].grip.number != 0) {
+      continue;
+    }
     const ModelForce one = evaluate(interaction.contacts[i], d, tool_velocity_world_m_per_s, age_s);
     sum.force_on_tool_newton += one.force_on_tool_newton;
     sum.stored_energy_joule += one.stored_energy_joule;

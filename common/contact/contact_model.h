@@ -85,8 +85,8 @@ struct TissueShare {
 };
 
 /// All contacts of an Interaction at a tool that is at `tool_position_world_m`, each less the share
-/// of its tissue. Touches that are not listed keep the force they had. Zero where it would not be
-/// finite.
+/// of its tissue, without those that its jaws hold (elastic/grip.h). Touches that are not listed
+/// keep the force they had. Zero where it would not be finite.
 [[nodiscard]] ModelForce evaluate(const Interaction& interaction,
                                   const Vector3& tool_position_world_m,
                                   const Vector3& tool_velocity_world_m_per_s, double age_s,

@@ -82,6 +82,14 @@ struct ForceCommand {
   double counted_energy_joule = std::numeric_limits<double>::quiet_NaN();
 };
 
+/// What mofc_node did to the tissue in the jaws.
+struct GripReport {
+  std::uint64_t physics_session_id = 0;  ///< whose Grip it is
+  std::uint32_t number = 0;              ///< of that Grip
+  Vector3 slip_m = Vector3::Zero();      ///< of the tool since the closing, W
+  bool has_let_go = false;               ///< opened, torn or slipped out
+};
+
 /// Hop 2, mofc → physics.
 struct ToolMotion {
   Header header;  ///< mofc's
@@ -102,7 +110,19 @@ struct ToolMotion {
   /// Time of moving tissue in the physics in use when this arrives, as far as mofc knows.
   std::optional<TimePoint> scene_time{};
 
-  Wave wave{};  ///< with wave variables: towards the tissue, W
+  Wave wave{};                       ///< with wave variables: towards the tissue, W
+  std::optional<GripReport> grip{};  ///< none: nothing is held, or physics' own slip counts
+};
+
+/// How the jaws of a tool hold a tissue. With a_ref = reference − slip_m, the force on the tool is
+/// f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
+struct Grip {
+  std::uint32_t number = 0;          ///< another one with every closing; 0: nothing is held
+  std::uint32_t buttons = 0;         ///< the jaws are open unless all of these are held
+  double slip_newton = 0.0;          ///< > 0; a larger force slips
+  double tear_newton = 0.0;          ///< > 0; a larger force tears: the jaws lose the tissue
+  double reach_m = 0.0;              ///< > 0; having slipped farther it is out of the jaws
+  Vector3 slip_m = Vector3::Zero();  ///< of the tool since the closing, at the reference
 };
 
 /// Local contact model of one tissue that the tool touches or is close to: the force at the
@@ -145,6 +165,8 @@ struct Contact {
   bool is_punctured = false;         ///< `stretch_m` is that of the drag
   Vector3 held_m = Vector3::Zero();  ///< from the tool to its proxy
   double relaxed_m = 0.0;            ///< penetration that the tissue has relaxed to
+  /// The jaws hold it: adhesive, flat, touching; K symmetric and −K positive definite.
+  Grip grip{};
 };
 inline constexpr std::size_t kMaxContacts = 8;
 

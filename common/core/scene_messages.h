@@ -94,6 +94,7 @@ struct HandTarget {
   std::uint64_t holder_id = 0;                ///< one client of that viewer_node; not 0
   Vector3 hand_position_m = Vector3::Zero();  ///< D
   bool is_released = false;                   ///< the client releases the hand, which stays
+  std::uint32_t buttons = 0;                  ///< bit i: button i is held
 };
 
 /// Hop 8: other material constants for a tissue.

@@ -18,6 +18,9 @@ enum class HostilePhysics : std::uint8_t {
   kEverything,    ///< any of the above force laws, changing at random times
   /// Honest, but points and states of elastic bodies are scaled, turned and exchanged at random.
   kLyingCompliance = 8,
+  /// Honest, but what jaws hold is scaled, pushed, moved and exchanged at random, and held where
+  /// they hold nothing.
+  kLyingGrip = 9,
 };
 
 /// What the clamp answers to the device.

@@ -91,11 +91,25 @@ struct TissueConfig {
   TissueMotionConfig motion{};
 };
 
+/// Jaws at the tip that hold elastic tissue (docs/grasping.md).
+struct GripperConfig {
+  std::uint32_t button = 0;                ///< the jaws are closed while it is held
+  double reach_m = 0.0;                    ///< from the centre of the tip
+  std::uint32_t most_points = 64;          ///< of the surface
+  double stiffness_newton_per_m = 2000.0;  ///< of the jaws, all points together
+  double jaw_newton = 10.0;                ///< with which they press, both together
+  double friction_coefficient = 0.5;       ///< slips above μ · jaw_newton
+  double tear_newton = 8.0;                ///< the tissue is lost above
+
+  [[nodiscard]] double slip_newton() const noexcept { return friction_coefficient * jaw_newton; }
+};
+
 struct SceneConfig {
   double tip_radius_m = 0.0;  ///< of the spherical tool tip; 0: a point
   double shaft_length_m =
       0.0;  ///< from the centre of the tip to the handle, along +z of T; 0: no shaft
   double shaft_radius_m = 0.0;
+  std::optional<GripperConfig> gripper{};
   std::vector<TissueConfig> tissues;
 
   [[nodiscard]] ToolShape tool() const { return {tip_radius_m, shaft_length_m, shaft_radius_m}; }

@@ -16,11 +16,11 @@ constexpr const char* kHeader =
     "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
     "f_max_x,f_max_y,f_max_z,energy_j,true_energy_j,force_age_s,"
     "in_contact,clamped,fallback,peak_limited,"
-    "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s\n";
+    "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s,grip\n";
 
 // One write to the file per this many bytes, about a thousand rows.
 constexpr std::size_t kBufferBytes = 1U << 18U;
-// 29 numbers of at most 24 characters, 4 flags and the commas.
+// 30 numbers of at most 24 characters, 4 flags and the commas.
 constexpr std::size_t kMaxRowBytes = 1024;
 
 // Appends to a row; every field but the first is preceded by a comma.
@@ -123,6 +123,7 @@ void CsvWriter::write(const TickRow& row) {
         since.error_ns, since.beyond_jnd_s}) {
     text.number(row.to_ideal ? integral : kNaN);
   }
+  text.number(mofc ? static_cast<double>(mofc->grip) : kNaN);
   text.append_to(buffer_);
 
   if (buffer_.size() >= kBufferBytes) flush();

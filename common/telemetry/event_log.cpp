@@ -140,6 +140,9 @@ EventLog<MofcCounters>::EventLog(spdlog::logger& log)
       too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
       motions_dropped_(log, spdlog::level::warn, "motions_dropped"),
       ledger_resets_(log, spdlog::level::info, "ledger_reset"),
+      grips_(log, spdlog::level::info, "tissue_held"),
+      grips_torn_(log, spdlog::level::info, "tissue_torn"),
+      grips_slipped_(log, spdlog::level::info, "tissue_slipped_out"),
       stale_(log, "interaction_stale") {}
 
 void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
@@ -156,6 +159,9 @@ void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
   too_fast_.note(counters.too_fast_ticks, now);
   motions_dropped_.note(counters.motions_dropped, now);
   ledger_resets_.note(counters.ledger_resets, now);
+  grips_.note(counters.grips, now);
+  grips_torn_.note(counters.grips_torn, now);
+  grips_slipped_.note(counters.grips_slipped, now);
   stale_.note(counters.stale_ticks, now);
 }
 

@@ -106,6 +106,9 @@ class EventLog<MofcCounters> {
   GrowthEvent too_fast_;
   GrowthEvent motions_dropped_;
   GrowthEvent ledger_resets_;
+  GrowthEvent grips_;
+  GrowthEvent grips_torn_;
+  GrowthEvent grips_slipped_;
   EpisodeEvent stale_;
 };
 

@@ -22,6 +22,15 @@ enum class MofcState : std::uint8_t {
 };
 [[nodiscard]] const char* name(MofcState state);
 
+/// What the jaws of the tool do. The last two stay until they open or take hold again.
+enum class GripState : std::uint8_t {
+  kNone = 0,     ///< hold nothing
+  kHolds = 1,    ///< hold a tissue
+  kSlips = 2,    ///< hold it, and it slipped in this tick
+  kTorn = 3,     ///< lost it: the force was above tear_newton
+  kSlipped = 4,  ///< lost it: it slipped out
+};
+
 /// One answer of mofc_node.
 struct MofcTick {
   std::uint64_t device_session_id = 0;
@@ -37,6 +46,7 @@ struct MofcTick {
   bool is_clamped = false;
   bool is_in_contact = false;    ///< as physics last reported
   bool is_from_standby = false;  ///< the request is that of physics.standby
+  GripState grip = GripState::kNone;
 };
 
 struct MofcCounters {
@@ -65,6 +75,10 @@ struct MofcCounters {
   std::uint64_t physics_term = 0;      ///< odd: the standby speaks
   std::uint64_t standby_ticks = 0;     ///< answered from the standby
   std::uint64_t physics_switches = 0;  ///< of this side, between the two
+  // with scene.tool.gripper; else 0
+  std::uint64_t grips = 0;          ///< closings that took hold of a tissue
+  std::uint64_t grips_torn = 0;     ///< of these, ended by a force above tear_newton
+  std::uint64_t grips_slipped = 0;  ///< ended because the tissue had slipped out
 
   /// Of the session so far; NaN while there was no force.
   [[nodiscard]] double transparency() const noexcept {

@@ -63,6 +63,7 @@ struct PhysicsCounters {
   std::uint64_t elastic_contact_steps = 0;     ///< of the tool, on elastic bodies,
   std::uint64_t elastic_unknown_bound_steps = 0;  ///< of these without a bound
   std::uint64_t elastic_tips_appeared = 0;        ///< inside a body; all tools
+  std::uint32_t elastic_points_held = 0;          ///< by jaws; all tools
   Duration worst_compute_time{};
 };
 

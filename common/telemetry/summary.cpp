@@ -214,6 +214,9 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["physics_term"] = report.mofc.physics_term;
   json["standby_ticks"] = report.mofc.standby_ticks;
   json["physics_switches"] = report.mofc.physics_switches;
+  json["grips"] = report.mofc.grips;
+  json["grips_torn"] = report.mofc.grips_torn;
+  json["grips_slipped"] = report.mofc.grips_slipped;
   json["interactions_suppressed"] = report.physics.interactions_suppressed;
   json["elastic"] = elastic_json(report.physics);
   json["device_faults"] = report.device.device_faults;

@@ -58,6 +58,10 @@ void PhysicsTamperer::tamper(Interaction& interaction) {
     lie_about_compliance(interaction.elastic, t_s);
     return;
   }
+  if (physics_ == HostilePhysics::kLyingGrip) {
+    lie_about_grip(interaction, t_s);
+    return;
+  }
   if (physics_ == HostilePhysics::kEverything && t_s >= until_s_) change_law(t_s);
   if (law_ == HostilePhysics::kHonest) return;
 
@@ -123,6 +127,46 @@ void PhysicsTamperer::lie_about_elastic_bodies(Interaction& interaction) {
   for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
     state.places[slot].version = elastic_versions_[slot];
     if (elastic_versions_[slot] == 0) state.places[slot] = {};
+  }
+}
+
+/// What the codec lets pass, of a grip that the honest physics sends or of none.
+void PhysicsTamperer::lie_about_grip(Interaction& interaction, double t_s) {
+  Random& random = elastic_random_;
+  const Vector3 moved = interaction.tool_position_world_m - position_m_;
+  position_m_ = interaction.tool_position_world_m;
+  if (moved.norm() > 0.0) along_ = moved.normalized();
+  if (t_s >= grip_lie_.until_s) {
+    grip_lie_ = {
+        .until_s = t_s + random_magnitude(random, -3.0, -0.7),
+        .stiffness = random.chance(0.5) ? 1.0 : random_magnitude(random, -3.0, 3.0),
+        .push_newton = random.chance(0.5) ? 0.0 : random.uniform(-1.0, 1.0) * kHostileNewton,
+        .slip_m = random.chance(0.5) ? Vector3::Zero() : random_vector(random, 0.03),
+        .number = random.chance(0.8) ? 0U : 1U + static_cast<std::uint32_t>(random.below(4)),
+        .is_invented = random.chance(0.5),
+        .is_strong = random.chance(0.5),
+        .axis = random_vector(random, 1.0)};
+  }
+  Contact& contact = interaction.contacts[0];
+  if (interaction.listed_count == 0 || contact.grip.number == 0) {
+    if (!grip_lie_.is_invented) return;
+    contact = force_everywhere(Vector3::Zero());
+    contact.tissue = kHostileTissue;
+    contact.d_force_d_position = -200.0 * Matrix3::Identity();
+    contact.grip = {
+        .number = 1, .buttons = 1, .slip_newton = 5.0, .tear_newton = 8.0, .reach_m = 0.01};
+    interaction.listed_count = interaction.contact_count = 1;
+  }
+  // softer or harder along some axis
+  const Matrix3 along = grip_lie_.axis * grip_lie_.axis.transpose();
+  contact.d_force_d_position = grip_lie_.stiffness * contact.d_force_d_position - 100.0 * along;
+  contact.elastic_force_on_tool_newton += grip_lie_.push_newton * along_;
+  contact.stored_energy_joule = kHostileStoreJoule;
+  contact.grip.slip_m += grip_lie_.slip_m;
+  contact.grip.number += grip_lie_.number;
+  if (grip_lie_.is_strong) {
+    contact.grip.slip_newton = contact.grip.tear_newton = kMaxTissueForceNewton;
+    contact.grip.reach_m = 1.0;
   }
 }
 

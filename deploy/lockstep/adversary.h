@@ -24,6 +24,7 @@ class PhysicsTamperer {
   void lie_about_the_surface(SurfaceNews& news);
   void lie_about_elastic_bodies(Interaction& interaction);
   void lie_about_compliance(ElasticNews& news, double t_s);
+  void lie_about_grip(Interaction& interaction, double t_s);
   void change_law(double t_s);
   [[nodiscard]] Vector3 square_wave(double t_s);
 
@@ -51,6 +52,16 @@ class PhysicsTamperer {
     bool is_still = false;
     Vector3 away_m = Vector3::Zero();
   } lie_;
+  struct GripLie {
+    double until_s = 0.0;
+    double stiffness = 1.0;
+    double push_newton = 0.0;
+    Vector3 slip_m = Vector3::Zero();
+    std::uint32_t number = 0;
+    bool is_invented = false;
+    bool is_strong = false;
+    Vector3 axis = Vector3::Zero();
+  } grip_lie_;
   ElasticState old_state_;
   std::uint64_t count_ = 0;
 };

@@ -50,6 +50,8 @@ class Ideal {
   physics::Scene scene_;
   physics::ElasticReference elastic_;      // under the run's own tool
   physics::ElasticReference run_elastic_;  // under that of the ideal run
+  std::uint32_t grip_buttons_;             // 0: no gripper
+  bool is_jaw_closed_ = false;             // at the newest tick
   DeviceConfig device_;
   double peak_force_newton_;             // the smaller of the session's and the device's own
   physics::TissueMemory memory_;         // of the run's own tool

@@ -300,11 +300,15 @@ Target Hand::target_without_sense(double t_s) noexcept {
   return target;
 }
 
-void Hand::let_go() noexcept { is_returning_ = led_.has_value() && !is_hostile_; }
+void Hand::let_go() noexcept {
+  is_returning_ = led_.has_value() && !is_hostile_;
+  led_buttons_ = 0;
+}
 
-void Hand::lead_to(const Vector3& goal_m) noexcept {
+void Hand::lead_to(const Vector3& goal_m, std::uint32_t buttons) noexcept {
   if (!config_.pointer) return;
   is_returning_ = false;
+  led_buttons_ = buttons;
   if (!led_) {
     led_.emplace(*config_.pointer, is_hostile_ ? hostile_.position_m() : intended_m_,
                  is_hostile_ ? hostile_.t_s() : t_s_);
@@ -313,7 +317,7 @@ void Hand::lead_to(const Vector3& goal_m) noexcept {
 }
 
 std::uint32_t Hand::buttons(double t_s) const noexcept {
-  std::uint32_t held = 0;
+  std::uint32_t held = led_buttons_;
   for (const ButtonPress& press : config_.presses) {
     if (t_s >= press.from_s && t_s < press.until_s) held |= 1U << press.button;
   }

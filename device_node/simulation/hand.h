@@ -187,11 +187,12 @@ class Hand {
   [[nodiscard]] Target target_without_sense(double t_s) noexcept;
   /// From now on the hand moves to this goal (D) and stays there, until it is let go. Does nothing
   /// without hand.pointer in the session.
-  void lead_to(const Vector3& goal_m) noexcept;
+  /// @param buttons  bit i: button i is pressed until then, too
+  void lead_to(const Vector3& goal_m, std::uint32_t buttons = 0) noexcept;
   /// The hand returns to where its path is by then, and follows it. A hostile hand stays where it
   /// was led.
   void let_go() noexcept;
-  /// Bit i set while button i is pressed: from ≤ t < until.
+  /// Bit i set while button i is pressed: from ≤ t < until, or by the pointer.
   [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
 
  private:
@@ -205,6 +206,7 @@ class Hand {
   Vector3 intended_m_;  ///< by the path, at t_s_; a hostile hand has its own
   double t_s_ = 0.0;
   std::optional<LedHand> led_;
+  std::uint32_t led_buttons_ = 0;
   bool is_returning_ = false;  ///< to its path
 };
 

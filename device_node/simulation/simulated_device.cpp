@@ -61,10 +61,10 @@ bool SimulatedDevice::release() noexcept {
 
 void SimulatedDevice::catch_up() noexcept {
   const TimePoint now = clock_.now();
-  std::optional<Vector3> goal_m;
-  while (goals_ != nullptr && goals_->pop(goal_m)) {
-    if (goal_m) {
-      hand_.lead_to(*goal_m);
+  std::optional<HandGoal> goal;
+  while (goals_ != nullptr && goals_->pop(goal)) {
+    if (goal) {
+      hand_.lead_to(goal->position_m, goal->buttons);
     } else {
       hand_.let_go();
     }

@@ -17,9 +17,13 @@
 
 namespace palpate::device {
 
-/// From the thread that receives a pointer's targets to the tick thread: where it leads the hand,
-/// D; none: it lets go.
-using HandGoals = SpscRing<std::optional<Vector3>>;
+/// Where a pointer leads the hand, and what it does there.
+struct HandGoal {
+  Vector3 position_m = Vector3::Zero();  ///< D
+  std::uint32_t buttons = 0;             ///< bit i: it presses button i
+};
+/// From the thread that receives a pointer's targets to the tick thread; none: it lets go.
+using HandGoals = SpscRing<std::optional<HandGoal>>;
 
 /// One inner step of the integration, as it ended.
 struct InnerStep {

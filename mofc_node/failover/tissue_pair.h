@@ -66,6 +66,11 @@ class TissuePair {
   [[nodiscard]] std::optional<TimePoint> scene_time(PhysicsRole receiver, PhysicsRole in_use,
                                                     TimePoint now) const noexcept;
 
+  /// Of the jaws of the tool, by that physics.
+  [[nodiscard]] const HeldTissue& held_tissue(PhysicsRole role) const noexcept {
+    return models_[index_of(role)]->held_tissue();
+  }
+
   /// Of the last step, for both physics; LocalTissues::work().
   [[nodiscard]] std::uint32_t work() const noexcept { return work_; }
 

@@ -28,6 +28,7 @@ double energy_of_motion_joule(const ModelForce& force, const TissueMotionConfig&
 TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id)
     : newton_per_s_(handover_newton_per_s),
       handover_(handover_newton_per_s),
+      held_(handover_newton_per_s),
       store_(has_store ? std::make_unique<TissueStore>(session_id) : nullptr),
       elastic_(has_store ? std::make_unique<ElasticPatches>(handover_newton_per_s) : nullptr) {}
 
@@ -46,6 +47,7 @@ void TissueModel::receive(const Interaction& interaction, const DeviceState& sta
 
 void TissueModel::reset() noexcept {
   handover_.reset();
+  held_.reset();
   local_.reset();
   clock_.reset();
   if (elastic_) elastic_->reset();
@@ -74,7 +76,9 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   const TimePoint now = state.header.sampled_at;
   std::array<TissueShare, kMaxDescribed + kMaxElasticPatches> shares;
   std::size_t share_count = 0;
-  ModelForce sum;
+  ModelForce sum =
+      held_.step(newest, state.buttons, tool_position_world_m, tool_velocity_world_m_per_s, dt_s);
+  const bool is_holding = sum.is_touching;
   holds_for_ = store_ ? Duration::max() : Duration::zero();
   const auto add = [&](const LocalTissues::Result& local, double share, Duration law_holds_for) {
     if (!(share > 0.0)) return;
@@ -114,7 +118,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   sum.force_on_tool_newton += rest.force_on_tool_newton;
   sum.stored_energy_joule += rest.stored_energy_joule;
   sum.is_touching = sum.is_touching || rest.is_touching;
-  if (rest.is_touching) holds_for_ = {};
+  if (rest.is_touching || is_holding) holds_for_ = {};
   return sum;
 }
 
@@ -123,7 +127,8 @@ void TissueModel::share_out(const LocalTissues::Result& local, TimePoint now,
                             const Vector3& position, const Vector3& velocity, double dt_s,
                             double& share) noexcept {
   const double bound_newton = newton_per_s_ * dt_s;
-  const double aim = local.is_valid && !costs_too_much() ? 1.0 : 0.0;
+  const bool counts = local.is_valid && !costs_too_much() && !held_.is_about(local.tissue);
+  const double aim = counts ? 1.0 : 0.0;
   if (!local.is_stepped) share = 0.0;
   if (share == aim) return;
   const ModelForce model = handover_.of_tissue(local.tissue, position, velocity, now);

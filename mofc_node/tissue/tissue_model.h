@@ -10,6 +10,7 @@
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "mofc_node/tissue/elastic_patches.h"
+#include "mofc_node/tissue/held_tissue.h"
 #include "mofc_node/tissue/local_tissues.h"
 #include "mofc_node/tissue/model_handover.h"
 #include "mofc_node/tissue/physics_clock.h"
@@ -21,7 +22,7 @@ namespace palpate::mofc {
 /// elastic bodies solved (ElasticPatches). Elsewhere, and beyond the part that is known, the
 /// contact models of the newest Interaction count (ModelHandover). Where the two differ for a
 /// tissue by Δ, the share of the one that is to count grows by bound / |Δ| per step, as between two
-/// contact models.
+/// contact models. Of the tissue in the jaws of the tool only HeldTissue counts.
 ///
 /// A physics whose descriptions need more than LocalTissues::kWorkPerStep in a row of about 64
 /// steps that offer so much costs too much: the contact models take over, then its store is
@@ -43,6 +44,8 @@ class TissueModel {
     if (!elastic_ || costs_too_much()) return std::nullopt;
     return elastic_->receipts();
   }
+  /// Of the jaws of the tool.
+  [[nodiscard]] const HeldTissue& held_tissue() const noexcept { return held_; }
   [[nodiscard]] bool costs_too_much() const noexcept { return costly_session_id_ != 0; }
 
   /// Time of moving tissue in this physics, as far as its answers tell; none before the first.
@@ -77,6 +80,7 @@ class TissueModel {
 
   double newton_per_s_;
   ModelHandover handover_;
+  HeldTissue held_;
   std::unique_ptr<TissueStore> store_;
   LocalTissues local_;
   std::unique_ptr<ElasticPatches> elastic_;

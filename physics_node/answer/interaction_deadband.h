@@ -38,6 +38,10 @@ namespace palpate::physics {
                                    : present.listed_count != sent.listed_count) {
     return true;
   }
+  const auto grip = [](const Interaction& one) {
+    return one.listed_count > 0 ? one.contacts.front().grip.number : 0U;
+  };
+  if (grip(present) != grip(sent)) return true;
   if (present.header.sampled_at - sent.header.sampled_at >= deadband.keep_alive) return true;
   return receiver_error_newton(sent, present, tool_velocity_world_m_per_s, use) >
          std::max(deadband.ratio * present.force_on_tool_newton.norm(), deadband.floor_newton);

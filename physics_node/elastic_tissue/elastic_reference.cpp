@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <utility>
 
 #include "common/contact/contact_model.h"
@@ -18,13 +19,15 @@ constexpr double kReach_m = 0.05;
 }  // namespace
 
 ElasticReference::ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies,
-                                   double tip_radius_m, double step_s)
-    : tip_radius_m_(tip_radius_m), step_s_(step_s) {
+                                   double tip_radius_m, double step_s,
+                                   const std::optional<GripperConfig>& gripper)
+    : tip_radius_m_(tip_radius_m), step_s_(step_s), gripper_(gripper) {
   for (auto& body : bodies) {
     One& one = bodies_.emplace_back();
     one.body = std::move(body);
     one.simulation = std::make_unique<ElasticSimulation>(*one.body, 1, tip_radius_m, step_s);
     one.stiffness_newton_per_m = elastic_stiffness(one.body->hertz_newton, kHertzDepth_m);
+    if (gripper_) one.compliance = std::make_shared<BodyCompliance>(one.body);
   }
 }
 
@@ -40,18 +43,39 @@ std::uint64_t ElasticReference::failed_steps() const noexcept {
   return failed;
 }
 
-void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& sum) {
+/// The jaws close around the nearest body.
+void ElasticReference::close(const Vector3& tip_m, bool is_closed) {
+  const bool closes = is_closed && !is_closed_;
+  is_closed_ = is_closed;
+  if (closes) ++closings_;
+  const One* nearest = nullptr;
+  double least_m = std::numeric_limits<double>::infinity();
+  for (One& one : bodies_) {
+    if (!closes && is_closed) continue;
+    one.jaw.set(0);
+    const double distance_m = one.body->shape.view(tip_m).distance_m;
+    if (closes && distance_m < least_m) {
+      least_m = distance_m;
+      nearest = &one;
+    }
+  }
+  for (One& one : bodies_) {
+    if (&one == nearest) one.jaw.set(closings_);
+  }
+}
+
+void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& sum,
+                               bool is_closed) {
   const bool is_due = !next_s_ || time_s > *next_s_ - 1e-6 * step_s_;
   if (is_due) {
+    if (gripper_) close(tip_m, is_closed);
     for (One& one : bodies_) step(one, tip_m, time_s);
     tip_m_ = tip_m;
     next_s_ = std::max(next_s_.value_or(time_s) + step_s_, time_s);
   }
   for (const One& one : bodies_) {
     Contact acting = one.contact;
-    acting.force_on_tool_newton =
-        is_due ? one.full_newton
-               : evaluate(one.contact, tip_m - tip_m_, Vector3::Zero(), 0.0).force_on_tool_newton;
+    acting.force_on_tool_newton = is_due ? one.full_newton : force_at(one, tip_m);
     if (acting.force_on_tool_newton.isZero(0.0)) continue;
     acting.penetration_m = std::max(acting.penetration_m, 1e-9);
     add_contact(acting, sum);
@@ -66,9 +90,16 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
                .place_m = one.side.place_m(),
                .friction_on_tool_newton = one.rubbing.force_on_tool_newton()};
   }
+  if (gripper_) {
+    if (!tips[0]) tips[0] = {.tip_m = tip_m, .place_m = tip_m};  // what is held comes along
+    tips[0]->slip_m = one.jaw.slip_m();
+    one.held.prepare(*one.simulation, 0, *gripper_, one.jaw.command(), tips[0]);
+  }
   one.simulation->step(tips);
+  if (one.held.model().is_holding()) return hold(one, tip_m);
   one.full_newton = one.simulation->touch(0).force_on_tool_newton;
   one.contact = {};
+  one.velocity_m_per_s.setZero();
   if (!one.side.is_known()) {
     one.rubbing = {};
     return;
@@ -86,11 +117,27 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
   one.full_newton += one.rubbing.force_on_tool_newton();
 }
 
+void ElasticReference::hold(One& one, const Vector3& tip_m) const {
+  one.held.read(*one.simulation, 0, one.compliance->compliance(), step_s_, one.held.changes(),
+                true);
+  const Vector3 velocity = one.held.model().velocity_m_per_s;
+  one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m, velocity,
+                                one.held.model().relaxation_s / step_s_);
+  one.rubbing = {};
+  one.contact = {};
+  if (!one.jaw.holds(one.held.model())) return;
+  one.contact = grip_contact(one.held.model(), *gripper_, one.body->tissue,
+                             tip_m - one.jaw.slip_m(), velocity, one.jaw.slip_m());
+  one.velocity_m_per_s = velocity;
+}
+
+Vector3 ElasticReference::force_at(const One& one, const Vector3& tip_m) const noexcept {
+  return evaluate(one.contact, tip_m - tip_m_, one.velocity_m_per_s, 0.0).force_on_tool_newton;
+}
+
 Vector3 ElasticReference::force_at(const Vector3& tip_m) const noexcept {
   Vector3 force = Vector3::Zero();
-  for (const One& one : bodies_) {
-    force += evaluate(one.contact, tip_m - tip_m_, Vector3::Zero(), 0.0).force_on_tool_newton;
-  }
+  for (const One& one : bodies_) force += force_at(one, tip_m);
   return force;
 }
 

@@ -8,8 +8,10 @@
 #include <optional>
 #include <vector>
 
+#include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
+#include "physics_node/elastic_tissue/jaw.h"
 #include "physics_node/scene/scene_force.h"
 
 namespace palpate::physics {
@@ -17,14 +19,15 @@ namespace palpate::physics {
 /// The elastic bodies of a scene under one tip. Not for the haptic step: milliseconds a step.
 class ElasticReference {
  public:
-  /// @param bodies  may be empty   @param step_s  > 0
+  /// @param bodies  may be empty   @param step_s  > 0   @param gripper  none: the tool only touches
   ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies, double tip_radius_m,
-                   double step_s);
+                   double step_s, const std::optional<GripperConfig>& gripper = {});
 
   /// Makes a step with the tip there whenever one is due, and adds the contacts: at a step the
   /// force is that of the full solution, between two it follows Hertz's law.
-  /// @param time_s  not before that of the last call
-  void advance(double time_s, const Vector3& tip_m, SceneForce& sum);
+  /// @param time_s     not before that of the last call
+  /// @param is_closed  the jaws; they slip, tear and lose as SlippingJaw says, at every step
+  void advance(double time_s, const Vector3& tip_m, SceneForce& sum, bool is_closed = false);
 
   /// The force on a tip elsewhere since the last step, by that law.
   [[nodiscard]] Vector3 force_at(const Vector3& tip_m) const noexcept;
@@ -42,13 +45,23 @@ class ElasticReference {
     double stiffness_newton_per_m = 0.0;
     Contact contact{};
     Rubbing rubbing{};
-    Vector3 full_newton = Vector3::Zero();  // on the tool
+    Vector3 full_newton = Vector3::Zero();         // on the tool
+    std::shared_ptr<BodyCompliance> compliance{};  // with a gripper
+    Jaw held{};
+    SlippingJaw jaw{};
+    Vector3 velocity_m_per_s = Vector3::Zero();  // of the tool that holds it, at the last step
   };
+  [[nodiscard]] Vector3 force_at(const One& one, const Vector3& tip_m) const noexcept;
   void step(One& one, const Vector3& tip_m, double time_s) const;
+  void close(const Vector3& tip_m, bool is_closed);
+  void hold(One& one, const Vector3& tip_m) const;
 
   double tip_radius_m_;
   double step_s_;
+  std::optional<GripperConfig> gripper_;
   std::optional<double> next_s_;
+  bool is_closed_ = false;
+  std::uint32_t closings_ = 0;
   std::vector<One> bodies_;
   Vector3 tip_m_ = Vector3::Zero();  // of the last step
 };

@@ -51,6 +51,7 @@ double ElasticSimulation::Tips::add_gradient(const double* x_m, double* gradient
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     if (is_near[i] != 0) sum += contacts[i].add_gradient(x_m, gradient);
   }
+  for (const elastic::HeldPoints& one : held) sum += one.add_gradient(x_m, gradient);
   for (const auto& [node, newton] : rubbed_newton) {
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t at = 3 * std::size_t{node} + i;
@@ -66,6 +67,7 @@ void ElasticSimulation::Tips::add_stiffness(const double* x_m, const elastic::Bl
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     if (is_near[i] != 0) contacts[i].add_stiffness(x_m, pattern, values);
   }
+  for (const elastic::HeldPoints& one : held) one.add_stiffness(pattern, values);
 }
 
 void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
@@ -74,6 +76,7 @@ void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     if (is_near[i] != 0) contacts[i].add_exact_stiffness(x_m, pattern, values);
   }
+  for (const elastic::HeldPoints& one : held) one.add_stiffness(pattern, values);
 }
 
 double ElasticSimulation::Tips::longest_correction_m() const {
@@ -92,6 +95,11 @@ bool ElasticSimulation::Tips::begin_round(const double* x_m, const elastic::Bloc
   return is_begun;
 }
 
+bool ElasticSimulation::Tips::are_idle() const {
+  return std::all_of(is_near.begin(), is_near.end(), [](char near) { return near == 0; }) &&
+         std::all_of(held.begin(), held.end(), [](const auto& one) { return one.is_empty(); });
+}
+
 ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
                                      double tip_radius_m, double step_s, bool is_folded)
     : body_(body),
@@ -106,6 +114,7 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
   for (std::size_t i = 0; i < tools; ++i) {
     tips_.contacts.emplace_back(body.points, body.contact_stiffness_pa_per_m);
     tips_.is_near.push_back(0);
+    tips_.held.emplace_back();
   }
   dynamics_.set_state(body.start_m, elastic::VectorXd::Zero(body.start_m.size()));
 }
@@ -122,6 +131,13 @@ void ElasticSimulation::continue_as(const ElasticSimulation& other) {
   repaired_steps_ = other.repaired_steps_;
   appeared_ = other.appeared_;
   failed_in_a_row_ = other.failed_in_a_row_;
+}
+
+std::size_t ElasticSimulation::hold(std::size_t tool, const Vector3& at_m, double reach_m,
+                                    std::size_t most, double newton_per_m) {
+  elastic::HeldPoints& held = tips_.held[tool];
+  held.take(body_.points, dynamics_.x_m().data(), at_m, reach_m, most, newton_per_m);
+  return held.size();
 }
 
 /// Moves the sphere towards its tip, and looks at the surface on the way, so that each point is
@@ -228,12 +244,13 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
   const double near_m = tip_radius_m_ + kNear_m;
   const std::vector<Touch> touches_before = touches_;
   const std::vector<elastic::SphereContact> contacts_before = tips_.contacts;
-  bool is_any_near = false;
   bool must_settle = false;
   tips_.rubbed_newton.clear();
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
-    const bool is_there = i < tips.size() && tips[i] && tips[i]->tip_m.allFinite() &&
+    const bool is_holding = !tips_.held[i].is_empty();
+    if (is_holding && tips[i]) tips_.held[i].set_place(tips[i]->tip_m - tips[i]->slip_m);
+    const bool is_there = !is_holding && i < tips.size() && tips[i] && tips[i]->tip_m.allFinite() &&
                           tips[i]->place_m.allFinite() &&
                           body_.bounds.squared_distance(tips[i]->tip_m) < near_m * near_m;
     if (is_there) {
@@ -246,11 +263,10 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
     }
     touch.is_near = is_there;
     tips_.is_near[i] = is_there && tips_.contacts[i].near_count() > 0 ? 1 : 0;
-    is_any_near = is_any_near || tips_.is_near[i] != 0;
     touch.force_on_tool_newton.setZero();
     touch.forces_on_body_newton.clear();
   }
-  if (!is_any_near && dynamics_.is_asleep()) {
+  if (tips_.are_idle() && dynamics_.is_asleep()) {
     static_cast<void>(dynamics_.step(this_step_s_));
     return false;
   }
@@ -365,15 +381,18 @@ bool ElasticSimulation::settle() {
 
 /// A step with the spheres where they are. False: it has failed.
 bool ElasticSimulation::step_once() {
-  const bool is_any_near =
-      std::any_of(tips_.is_near.begin(), tips_.is_near.end(), [](char near) { return near != 0; });
-  report_ = dynamics_.step(this_step_s_, is_any_near ? &tips_ : nullptr);
+  report_ = dynamics_.step(this_step_s_, tips_.are_idle() ? nullptr : &tips_);
   bool has_failed = false;
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
     touch.has_failed = false;
     touch.force_on_tool_newton.setZero();
     touch.forces_on_body_newton.clear();
+    if (!tips_.held[i].is_empty()) {
+      touch.forces_on_body_newton.resize(body_.points.size(), Vector3::Zero());
+      touch.force_on_tool_newton =
+          tips_.held[i].add_forces_on_body(dynamics_.x_m().data(), touch.forces_on_body_newton);
+    }
     if (!touch.is_near) continue;
     elastic::SphereContact& contact = tips_.contacts[i];
     contact.update_multipliers(dynamics_.x_m().data(), body_.body->pattern());

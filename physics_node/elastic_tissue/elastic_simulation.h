@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "physics_node/elastic/dynamics.h"
+#include "physics_node/elastic/grip/held_points.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 
 namespace palpate::physics {
@@ -22,6 +23,7 @@ struct TipState {
   /// Of its proxy on the untouched surface: outside of the body, on the side from which it came.
   Vector3 place_m = Vector3::Zero();
   Vector3 friction_on_tool_newton = Vector3::Zero();
+  Vector3 slip_m = Vector3::Zero();  ///< of its jaws, since they closed
 };
 
 /// One simulation of a body; deterministic. One thread calls it; allocates.
@@ -53,6 +55,14 @@ class ElasticSimulation {
   /// @param step_s  in [¼, 1] × that of the constructor; none: that
   bool step(std::span<const std::optional<TipState>> tips, std::optional<double> step_s = {});
 
+  /// From now on a tool holds the nearest points within reach of that place, as the body is now,
+  /// and does not touch it with its tip. @see elastic::HeldPoints::take  @return  their number
+  std::size_t hold(std::size_t tool, const Vector3& at_m, double reach_m, std::size_t most,
+                   double newton_per_m);
+  void let_go(std::size_t tool) { tips_.held[tool].let_go(); }
+  /// By tool. @pre  one that holds has a TipState in every step
+  [[nodiscard]] const std::vector<elastic::HeldPoints>& held() const noexcept { return tips_.held; }
+
   struct Touch {
     bool is_near = false;                ///< the tip may touch within the next steps
     bool is_arriving = false;            ///< the tip appeared inside, the sphere is on its way
@@ -60,7 +70,7 @@ class ElasticSimulation {
     int blocked_steps = 0;               ///< that the sphere will wait: the body cannot give way
     double blocked_m = 0.0;              ///< from the tip when it began to wait
     Vector3 centre_m = Vector3::Zero();  ///< of the sphere in the last step
-    Vector3 force_on_tool_newton = Vector3::Zero();
+    Vector3 force_on_tool_newton = Vector3::Zero();        ///< by tip or jaws
     std::vector<elastic::Vector3d> forces_on_body_newton;  ///< of body.points; empty: none
   };
   [[nodiscard]] const Touch& touch(std::size_t tool) const { return touches_[tool]; }
@@ -98,6 +108,7 @@ class ElasticSimulation {
    public:
     std::vector<elastic::SphereContact> contacts;
     std::vector<char> is_near;
+    std::vector<elastic::HeldPoints> held;                         // by tool
     std::vector<std::pair<std::uint32_t, Vector3>> rubbed_newton;  // by node of the body
     double add_gradient(const double* x_m, double* gradient) const override;
     void add_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
@@ -106,6 +117,7 @@ class ElasticSimulation {
                              elastic::BlockValues& values) const override;
     [[nodiscard]] double longest_correction_m() const override;
     bool begin_round(const double* x_m, const elastic::BlockPattern& pattern) override;
+    [[nodiscard]] bool are_idle() const;
   };
 
   [[nodiscard]] int parts_of(std::span<const std::optional<TipState>> tips) const;

@@ -53,12 +53,14 @@ constexpr double kSamePlace_m = 2e-4;
 }  // namespace
 
 ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t tools,
-                             double tip_radius_m, bool is_folded)
+                             double tip_radius_m, bool is_folded,
+                             const std::optional<GripperConfig>& gripper)
     : shared_(std::move(shared)),
       body_(shared_->body()),
       compliance_(shared_->compliance()),
       tip_radius_m_(tip_radius_m),
       is_folded_(is_folded),
+      gripper_(gripper),
       simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz, is_folded),
       makers_(tools),
       tips_(tools) {
@@ -83,23 +85,28 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
   own.last_passed = (own.last_passed + 1) % own.passed.size();
   own.passed[own.last_passed] = {.tip_m = tip_m, .time_s = time_s};
   own.reach_m = reach_m;
-  if (!own.side.follow(body_->shape, body_->bounds, tip_radius_m_, reach_m, tip_m, time_s)) {
-    own.rubbing = {};
+  const bool is_near =
+      own.side.follow(body_->shape, body_->bounds, tip_radius_m_, reach_m, tip_m, time_s);
+  if (!is_near) own.rubbing = {};
+  if (!is_near && !own.is_holding) {
     own.tip.store({});
     return;
   }
+  // what the jaws hold comes along, however far
+  const SurfaceView view =
+      is_near ? own.side.view() : SurfaceView{.distance_m = tip_radius_m_ + reach_m};
+  const Vector3 place_m = is_near ? own.side.place_m() : tip_m;
   const Vector3& friction = own.rubbing.force_on_tool_newton();
-  const Vector3& place_m = own.side.place_m();
   own.tip.store({.x_m = tip_m.x(),
                  .y_m = tip_m.y(),
                  .z_m = tip_m.z(),
                  .place_x_m = place_m.x(),
                  .place_y_m = place_m.y(),
                  .place_z_m = place_m.z(),
-                 .normal_x = own.side.view().normal.x(),
-                 .normal_y = own.side.view().normal.y(),
-                 .normal_z = own.side.view().normal.z(),
-                 .distance_m = own.side.view().distance_m,
+                 .normal_x = view.normal.x(),
+                 .normal_y = view.normal.y(),
+                 .normal_z = view.normal.z(),
+                 .distance_m = view.distance_m,
                  .friction_x_newton = friction.x(),
                  .friction_y_newton = friction.y(),
                  .friction_z_newton = friction.z(),
@@ -186,6 +193,9 @@ void ElasticTissue::describe_ahead(std::size_t tool, const Vector3& velocity_m_p
 bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
   Tool& own = *tools_[tool];
   Rubbing rubbing = std::exchange(own.rubbing, {});  // none out of reach
+  if (gripper_) {
+    if (const std::optional<bool> held = hold(own, contact)) return *held;
+  }
   if (!own.side.is_known()) return false;
   const Vector3& tip_m = own.tip_m;
   Prepared* const prepared = own.prepared.newest();
@@ -280,6 +290,7 @@ void ElasticTissue::solve(double step_s) {
                 .friction_on_tool_newton = {tip.friction_x_newton, tip.friction_y_newton,
                                             tip.friction_z_newton}};
   }
+  if (gripper_) close_jaws();
   const bool has_stepped = simulation_.step(tips_, step_s);
   has_moved_ = has_moved_ || has_stepped;
   if (has_stepped) {
@@ -291,6 +302,7 @@ void ElasticTissue::solve(double step_s) {
   } else {
     ++figures_.skipped;
   }
+  if (gripper_) read_jaws(step_s);
   figures_.failed = simulation_.failed_steps() + without_compliance_;
   figures_.repaired = simulation_.repaired_steps();
   figures_.appeared = simulation_.appeared();
@@ -457,6 +469,7 @@ void ElasticTissue::publish() {
   for (auto& tool : tools_) {
     if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
     if (std::exchange(tool->is_patched, false)) tool->patch.publish();
+    if (gripper_) tool->grip.publish();
   }
 }
 

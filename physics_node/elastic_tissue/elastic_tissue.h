@@ -24,6 +24,7 @@
 #include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
+#include "physics_node/elastic_tissue/jaw.h"
 #include "physics_node/elastic_tissue/patch_maker.h"
 
 namespace palpate::physics {
@@ -40,6 +41,7 @@ struct ElasticFigures {
   std::uint64_t appeared = 0;
   std::uint64_t bounds_checked = 0;
   std::uint64_t bound_violations = 0;
+  std::uint32_t points_held = 0;
   double residual_ratio = 0.0;
   double error_newton = kUnknownNewton;
 };
@@ -47,8 +49,9 @@ struct ElasticFigures {
 class ElasticTissue {
  public:
   /// @param shared  of all simulations of the body   @param is_folded  @see ElasticPace::kFolded
+  /// @param gripper  of every tool; none: they only touch
   ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t tools, double tip_radius_m,
-                bool is_folded = false);
+                bool is_folded = false, const std::optional<GripperConfig>& gripper = {});
   ~ElasticTissue() = default;
   ElasticTissue(const ElasticTissue&) = delete;
   ElasticTissue& operator=(const ElasticTissue&) = delete;
@@ -63,7 +66,19 @@ class ElasticTissue {
   /// @param reach_m  bodies this near are described before they are touched
   /// @param time_s   not before that of the last call
   void note(std::size_t tool, const Vector3& tip_m, double reach_m, double time_s) noexcept;
-  /// The contact of the tip where note() put it; false if the surface is not within reach.
+  /// From the tip where note() put it to the untouched surface; infinite: out of reach.
+  [[nodiscard]] double distance_m(std::size_t tool) const noexcept {
+    const TipSide& side = tools_[tool]->side;
+    return side.is_known() ? side.view().distance_m : std::numeric_limits<double>::infinity();
+  }
+  /// What the jaws do, for the next full solution and touch().
+  /// @param closing  number of the closing around this body, ascending; 0: they are open
+  /// @param report   of that closing, where mofc_node decides how they slip; null: this does
+  /// @param velocity_m_per_s  of the tool
+  void set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report,
+               const Vector3& velocity_m_per_s) noexcept;
+  /// The contact of the tip where note() put it, or of what the jaws hold; false if the surface is
+  /// not within reach.
   bool touch(std::size_t tool, Contact& contact) noexcept;
   /// mofc_node solves the contact itself: from now on solutions come with a patch of the surface.
   /// @param age_s  of the loop, from a DeviceState to the first use of its answer
@@ -162,6 +177,8 @@ class ElasticTissue {
     Snapshot<Tip> tip;
     Handover<Prepared> prepared;
     Snapshot<Ahead> ahead;
+    Snapshot<JawCommand> jaw_command;
+    Handover<GripModel> grip;
     Handover<ElasticPatch> patch;
     // of the steps
     const Prepared* stepped = nullptr;  // the last one,
@@ -182,7 +199,12 @@ class ElasticTissue {
     Vector3 normal = Vector3::UnitZ();
     double bound_newton = kUnknownNewton;
     Rubbing rubbing{};
+    SlippingJaw jaw{};
+    bool is_jaw_led = false;  // by mofc_node
+    Vector3 jaw_m_per_s = Vector3::Zero();
+    bool is_holding = false;
     // of the slow thread
+    Jaw held{};
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
     Vector3 slow_tip_m = Vector3::Zero();
     double slow_time_s = 0.0;
@@ -213,6 +235,9 @@ class ElasticTissue {
                       elastic::CondensedContact& contact);
   void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
   void prepare(std::size_t tool, double step_s);
+  [[nodiscard]] std::optional<bool> hold(Tool& own, Contact& contact) const noexcept;
+  void close_jaws();
+  void read_jaws(double step_s);
   void describe_patch(std::size_t tool, bool has_stepped);
   [[nodiscard]] bool is_alone(std::size_t tool) const;
   [[nodiscard]] double surface_offset_by_other_tools_m(std::size_t tool, std::size_t nearest_point,
@@ -225,6 +250,7 @@ class ElasticTissue {
   elastic::SurfaceCompliance& compliance_;
   double tip_radius_m_;
   bool is_folded_;
+  std::optional<GripperConfig> gripper_;
   ElasticSimulation simulation_;
   std::vector<std::unique_ptr<Tool>> tools_;
   std::vector<std::optional<PatchMaker>> makers_;  // of the tools

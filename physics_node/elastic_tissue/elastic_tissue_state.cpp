@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state of an elastic tissue: to continue from, to be shown, and what of it is not kept.
+// The state of an elastic tissue: to continue from, to be shown, what of it is not kept, and what
+// jaws hold of it.
 #include <mutex>
+#include <stdexcept>
 #include <utility>
 
 #include "physics_node/elastic_tissue/elastic_tissue.h"
@@ -22,6 +24,60 @@ void ElasticTissue::continue_as(const ElasticTissue& other) {
   hasty_solves_ = other.hasty_solves_;
   figures_out_ = other.figures_out_;
   has_moved_ = true;
+}
+
+// --- jaws ----------------------------------------------------------------------------------------
+
+void ElasticTissue::set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report,
+                            const Vector3& velocity_m_per_s) noexcept {
+  Tool& own = *tools_[tool];
+  own.jaw_m_per_s = velocity_m_per_s;
+  own.jaw.set(closing);
+  own.is_jaw_led = report != nullptr;
+  if (report != nullptr) own.jaw.follow(report->slip_m, report->has_let_go);
+  own.jaw_command.store(own.jaw.command());
+}
+
+/// The contact of what the jaws hold. False: they have lost it, or just opened, and the next
+/// solution is the first without them. None: they hold nothing.
+std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexcept {
+  const GripModel* const model = own.grip.newest();
+  own.is_holding = false;
+  if (model == nullptr || !model->is_holding()) return std::nullopt;
+  if (!own.is_jaw_led) {
+    static_cast<void>(own.jaw.act(*model, *gripper_, own.tip_m, own.jaw_m_per_s));
+    own.jaw_command.store(own.jaw.command());
+  }
+  if (!own.jaw.holds(*model)) return false;
+  own.is_holding = true;
+  own.bound_newton = kUnknownNewton;
+  contact = grip_contact(*model, *gripper_, body_->tissue, own.tip_m - own.jaw.slip_m(),
+                         own.jaw_m_per_s, own.jaw.slip_m());
+  return contact.force_on_tool_newton.allFinite();
+}
+
+void ElasticTissue::close_jaws() {
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    const JawCommand command = tools_[i]->jaw_command.load();
+    if (tips_[i]) tips_[i]->slip_m = command.slip_m();
+    tools_[i]->held.prepare(simulation_, i, *gripper_, command, tips_[i]);
+  }
+}
+
+void ElasticTissue::read_jaws(double step_s) {
+  std::uint64_t changes = 0;
+  for (const auto& tool : tools_) changes += tool->held.changes();
+  figures_.points_held = 0;
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    Tool& tool = *tools_[i];
+    try {
+      tool.held.read(simulation_, i, compliance_, step_s, changes, is_alone(i));
+    } catch (const std::runtime_error&) {  // it has let go
+      ++without_compliance_;
+    }
+    figures_.points_held += tool.held.model().points;
+    tool.grip.draft() = tool.held.model();
+  }
 }
 
 /// What the next solution makes again.

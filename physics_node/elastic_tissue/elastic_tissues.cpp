@@ -47,7 +47,8 @@ std::shared_ptr<ElasticTissues> ElasticTissues::of(const SceneConfig& scene, std
                                                    const std::filesystem::path& columns_folder) {
   const std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
   if (bodies.empty()) return nullptr;
-  return std::make_shared<ElasticTissues>(bodies, tools, scene.tip_radius_m, pace, columns_folder);
+  return std::make_shared<ElasticTissues>(bodies, tools, scene.tip_radius_m, pace, columns_folder,
+                                          scene.gripper);
 }
 
 std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
@@ -61,14 +62,17 @@ std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
 }
 
 ElasticTissues::ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>>& bodies,
-                               std::size_t tools, double tip_radius_m, ElasticPace pace)
+                               std::size_t tools, double tip_radius_m, ElasticPace pace,
+                               const std::optional<GripperConfig>& gripper)
     : pace_(pace),
+      gripper_(gripper),
       counts_(tools),
+      closings_(tools),
       last_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()),
       ready_s_(last_solve_s_) {
   for (const auto& body : bodies) {
-    tissues_.push_back(
-        std::make_unique<ElasticTissue>(body, tools, tip_radius_m, pace_ == ElasticPace::kFolded));
+    tissues_.push_back(std::make_unique<ElasticTissue>(body, tools, tip_radius_m,
+                                                       pace_ == ElasticPace::kFolded, gripper_));
   }
   if (pace_ != ElasticPace::kThread) return;
   for (auto& tissue : tissues_) {
@@ -82,13 +86,15 @@ ElasticTissues::~ElasticTissues() = default;
 void ElasticTissues::continue_as(const ElasticTissues& other) {
   for (std::size_t i = 0; i < tissues_.size(); ++i) tissues_[i]->continue_as(*other.tissues_[i]);
   counts_ = other.counts_;
+  closings_ = other.closings_;
   last_solve_s_ = other.last_solve_s_;
   ready_s_ = other.ready_s_;
 }
 
 void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
-                          SceneForce& sum) noexcept {
+                          SceneForce& sum, const JawInput& jaw) noexcept {
   for (auto& tissue : tissues_) tissue->note(tool, tip_m, reach_m, time_s);
+  if (gripper_) close(tool, jaw);
   if (pace_ != ElasticPace::kThread) solve_until(time_s);
   Counts& counts = counts_[tool];
   bool is_in_contact = false;
@@ -100,7 +106,7 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
       continue;
     }
     add_contact(contact, sum);
-    if (!(contact.penetration_m > 0.0)) continue;
+    if (!(contact.penetration_m > 0.0) || contact.grip.number != 0) continue;  // no bound is stated
     is_in_contact = true;
     bound_newton += tissue->bound_newton(tool);
   }
@@ -108,6 +114,24 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
   counts.bound_newton = bound_newton;
   ++counts.in_contact;
   counts.without_bound += std::isnan(bound_newton) ? 1U : 0U;
+}
+
+void ElasticTissues::close(std::size_t tool, const JawInput& jaw) noexcept {
+  Closing& closing = closings_[tool];
+  if (jaw.is_closed && !closing.is_closed) {
+    ++closing.number;
+    for (std::size_t i = closing.tissue = 0; i < tissues_.size(); ++i) {
+      const double least_m = tissues_[closing.tissue]->distance_m(tool);
+      if (tissues_[i]->distance_m(tool) < least_m) closing.tissue = i;
+    }
+  }
+  closing.is_closed = jaw.is_closed;
+  const bool is_reported = jaw.report && jaw.report->number == closing.number;
+  for (std::size_t i = 0; i < tissues_.size(); ++i) {
+    const bool is_this = closing.is_closed && i == closing.tissue;
+    tissues_[i]->set_jaw(tool, is_this ? closing.number : 0,
+                         is_this && is_reported ? &*jaw.report : nullptr, jaw.velocity_m_per_s);
+  }
 }
 
 void ElasticTissues::solve_until(double time_s) {
@@ -131,6 +155,7 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
   counters.elastic_solves_failed = counters.elastic_solves_repaired = 0;
   counters.elastic_bounds_checked = counters.elastic_bound_violations = 0;
   counters.elastic_tips_appeared = 0;
+  counters.elastic_points_held = 0;
   counters.elastic_residual_ratio = 0.0;
   counters.elastic_error_newton = kUnknownNewton;
   for (const auto& tissue : tissues_) {
@@ -141,6 +166,7 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
     counters.elastic_solves_failed += figures.failed;
     counters.elastic_solves_repaired += figures.repaired;
     counters.elastic_tips_appeared += figures.appeared;
+    counters.elastic_points_held += figures.points_held;
     counters.elastic_bounds_checked += figures.bounds_checked;
     counters.elastic_bound_violations += figures.bound_violations;
     counters.elastic_residual_ratio =

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -44,11 +45,15 @@ class ElasticTissues {
       const std::filesystem::path& columns_folder = {});
   ElasticTissues(const std::vector<std::shared_ptr<const ElasticBody>>& bodies, std::size_t tools,
                  double tip_radius_m, ElasticPace pace,
-                 const std::filesystem::path& columns_folder = {})
-      : ElasticTissues(compliances_of(bodies, columns_folder), tools, tip_radius_m, pace) {}
-  /// @param bodies  which other simulations may share
+                 const std::filesystem::path& columns_folder = {},
+                 const std::optional<GripperConfig>& gripper = {})
+      : ElasticTissues(compliances_of(bodies, columns_folder), tools, tip_radius_m, pace, gripper) {
+  }
+  /// @param bodies   which other simulations may share
+  /// @param gripper  of every tool; none: they only touch
   ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>>& bodies, std::size_t tools,
-                 double tip_radius_m, ElasticPace pace);
+                 double tip_radius_m, ElasticPace pace,
+                 const std::optional<GripperConfig>& gripper = {});
   ~ElasticTissues();
   ElasticTissues(const ElasticTissues&) = delete;
   ElasticTissues& operator=(const ElasticTissues&) = delete;
@@ -59,8 +64,10 @@ class ElasticTissues {
 
   /// Adds the contacts of one tool.
   /// @param reach_m  bodies this near are described before they are touched
-  void step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
-            SceneForce& sum) noexcept;
+  /// @param jaw      of that tool; where they close, they take the nearest body
+  void step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m, SceneForce& sum,
+            const JawInput& jaw = {}) noexcept;
+  [[nodiscard]] const std::optional<GripperConfig>& gripper() const noexcept { return gripper_; }
 
   /// @see ElasticTissue::describe_ahead. Before step()
   void describe_ahead(std::size_t tool, const Vector3& velocity_m_per_s, double age_s) noexcept {
@@ -83,11 +90,20 @@ class ElasticTissues {
     std::uint64_t without_bound = 0;
     double bound_newton = kUnknownNewton;
   };
+  /// The jaws of a tool.
+  struct Closing {
+    std::uint32_t number = 0;  // so far
+    bool is_closed = false;
+    std::size_t tissue = 0;  // around which
+  };
+  void close(std::size_t tool, const JawInput& jaw) noexcept;
   void solve_until(double time_s);
 
   std::vector<std::unique_ptr<ElasticTissue>> tissues_;
   ElasticPace pace_;
-  std::vector<Counts> counts_;  // by tool
+  std::optional<GripperConfig> gripper_;
+  std::vector<Counts> counts_;     // by tool
+  std::vector<Closing> closings_;  // by tool
   // by tissue; virtual
   std::vector<double> last_solve_s_;
   std::vector<double> ready_s_;  // then that solution may be used

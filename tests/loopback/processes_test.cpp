@@ -681,9 +681,9 @@ TEST_F(Processes, LoopbackWritesTheDocumentedTable) {
             "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
             "f_max_x,f_max_y,f_max_z,energy_j,true_energy_j,force_age_s,"
             "in_contact,clamped,fallback,peak_limited,"
-            "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s");
+            "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s,grip");
   for (const std::string& line : lines) {
-    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 32);
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 33);
   }
 }
 

@@ -120,6 +120,13 @@ inline void randomise(ToolMotion& m, Random& random) {
   m.scene_time.reset();
   if (random.chance(0.5)) m.scene_time = random_time(random);
   m.wave = random_wave(random);
+  m.grip.reset();
+  if (random.chance(0.5)) {
+    m.grip = {.physics_session_id = random.bits() | 1,
+              .number = 1 + static_cast<std::uint32_t>(random.below(1000)),
+              .slip_m = random_vector(random, 1.0),
+              .has_let_go = random.chance(0.5)};
+  }
 }
 
 inline Matrix3 random_matrix(Random& random, double limit) {
@@ -158,6 +165,26 @@ inline void randomise(Contact& c, Random& random) {
        .relaxed_m = random.uniform(-1.0, 1.0)};
 }
 
+/// The jaws hold it.
+inline Contact random_grip(Random& random) {
+  const Matrix3 some = random_matrix(random, 1.0);
+  const Matrix3 spring = random.uniform(1.0, 1e4) * (some * some.transpose() + Matrix3::Identity());
+  return {.tissue = static_cast<std::uint32_t>(random.bits()),
+          .penetration_m = random.uniform(1e-6, 1.0),
+          .elastic_force_on_tool_newton = random_vector(random, 1e4),
+          .d_force_d_position = -0.5 * (spring + spring.transpose()),
+          .stored_energy_joule = random.uniform(0.0, 1e3),
+          .is_adhesive = true,
+          .trust_radius_m = random.uniform(1e-4, 1000.0),
+          .force_on_tool_newton = random_vector(random, 1e4),
+          .grip = {.number = 1 + static_cast<std::uint32_t>(random.below(1000)),
+                   .buttons = static_cast<std::uint32_t>(random.bits()) | 1U,
+                   .slip_newton = random.uniform(1e-3, 1e4),
+                   .tear_newton = random.uniform(1e-3, 1e4),
+                   .reach_m = random.uniform(1e-3, 1.0),
+                   .slip_m = random_vector(random, 1.0)}};
+}
+
 inline void randomise(Interaction& m, Random& random) {
   m = Interaction{};
   m.header = random_header(random);
@@ -186,6 +213,7 @@ inline void randomise(Interaction& m, Random& random) {
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_ahead = random_time(random).time_since_epoch();
   m.steps = random.bits();
+  if (touching > 0 && random.chance(0.2)) m.contacts[0] = random_grip(random);
   m.wave = random_wave(random);
 }
 
@@ -241,6 +269,7 @@ inline void randomise(MofcTick& r, Random& random) {
   r.is_clamped = random.chance(0.5);
   r.is_from_standby = random.chance(0.5);
   r.is_in_contact = random.chance(0.5);
+  r.grip = static_cast<GripState>(random.below(5));
 }
 
 inline void randomise(PhysicsTick& r, Random& random) {
@@ -313,6 +342,9 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.physics_term = random.bits();
   c.standby_ticks = random.bits();
   c.physics_switches = random.bits();
+  c.grips = random.bits();
+  c.grips_torn = random.bits();
+  c.grips_slipped = random.bits();
 }
 
 inline void randomise(PhysicsCounters& c, Random& random) {
@@ -345,6 +377,7 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_unknown_bound_steps = random.bits();
   c.is_started_in_contact = random.chance(0.5);
   c.elastic_tips_appeared = random.bits();
+  c.elastic_points_held = static_cast<std::uint32_t>(random.bits());
   c.elastic_solves_repaired = random.bits();
   c.worst_compute_time = random_duration(random);
 }
@@ -437,6 +470,7 @@ inline void randomise(HandTarget& m, Random& random) {
   m.holder_id = random.bits() | 1;
   m.hand_position_m = random_vector(random, 1000.0);
   m.is_released = random.chance(0.5);
+  m.buttons = static_cast<std::uint32_t>(random.bits());
 }
 
 inline std::string random_line(Random& random, std::size_t most) {
@@ -657,7 +691,10 @@ inline bool same(const Contact& a, const Contact& b) {
          a.friction_stiffness_newton_per_m == b.friction_stiffness_newton_per_m &&
          same(a.stretch_m, b.stretch_m) && a.is_shaft == b.is_shaft && a.is_behind == b.is_behind &&
          a.is_punctured == b.is_punctured && same(a.held_m, b.held_m) &&
-         same(a.relaxed_m, b.relaxed_m);
+         same(a.relaxed_m, b.relaxed_m) && a.grip.number == b.grip.number &&
+         a.grip.buttons == b.grip.buttons && same(a.grip.slip_newton, b.grip.slip_newton) &&
+         same(a.grip.tear_newton, b.grip.tear_newton) && same(a.grip.reach_m, b.grip.reach_m) &&
+         same(a.grip.slip_m, b.grip.slip_m);
 }
 inline bool same(const ElasticNews& a, const ElasticNews& b) {
   if (a.store_id != b.store_id || a.number != b.number) return false;
@@ -728,7 +765,7 @@ inline bool same(const MofcTick& a, const MofcTick& b) {
          same(a.f_max_newton, b.f_max_newton) &&
          same(a.ledger_energy_joule, b.ledger_energy_joule) && a.force_age == b.force_age &&
          a.state == b.state && a.is_clamped == b.is_clamped && a.is_in_contact == b.is_in_contact &&
-         a.is_from_standby == b.is_from_standby;
+         a.is_from_standby == b.is_from_standby && a.grip == b.grip;
 }
 inline bool same(const PhysicsTick& a, const PhysicsTick& b) {
   return a.sequence == b.sequence && a.stepped_at == b.stepped_at &&
@@ -775,7 +812,8 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          same(a.transparency_integral_ns, b.transparency_integral_ns) &&
          a.transparency_time_ns == b.transparency_time_ns &&
          same(a.standby_interaction, b.standby_interaction) && a.physics_term == b.physics_term &&
-         a.standby_ticks == b.standby_ticks && a.physics_switches == b.physics_switches;
+         a.standby_ticks == b.standby_ticks && a.physics_switches == b.physics_switches &&
+         a.grips == b.grips && a.grips_torn == b.grips_torn && a.grips_slipped == b.grips_slipped;
 }
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
   return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&
@@ -801,6 +839,7 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.elastic_unknown_bound_steps == b.elastic_unknown_bound_steps &&
          a.is_started_in_contact == b.is_started_in_contact &&
          a.elastic_tips_appeared == b.elastic_tips_appeared &&
+         a.elastic_points_held == b.elastic_points_held &&
          a.elastic_solves_repaired == b.elastic_solves_repaired &&
          a.worst_compute_time == b.worst_compute_time;
 }
@@ -843,7 +882,8 @@ inline bool same(const MeshFrame& a, const MeshFrame& b) {
 }
 inline bool same(const HandTarget& a, const HandTarget& b) {
   return same(a.header, b.header) && a.holder_id == b.holder_id &&
-         same(a.hand_position_m, b.hand_position_m) && a.is_released == b.is_released;
+         same(a.hand_position_m, b.hand_position_m) && a.is_released == b.is_released &&
+         a.buttons == b.buttons;
 }
 inline bool same(const RunState& a, const RunState& b) {
   return same(a.header, b.header) && a.markers == b.markers && a.replay == b.replay;

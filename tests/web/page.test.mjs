@@ -284,6 +284,30 @@ page_test("targets stay within the reach of the scene", {}, async (page) => {
   for (const { x, y, z } of server.world.targets) assert.ok(Math.hypot(x, y, z) <= 0.09 * (1 + 1e-9));
 });
 
+page_test("the right mouse button, or G in turn, closes the jaws, and the page says what they do", {}, async (page) => {
+  await rest_tool_at(page, 0.02);
+  const { x, y } = await tool_on_screen(page);
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x, y + 130, { steps: 5 });
+  await until(page, () => server.world.targets.length > 0 && server.world.targets.at(-1).buttons === 0, "open jaws");
+  await page.mouse.down({ button: "right" });
+  await until(page, () => server.world.targets.at(-1).buttons === 1, "closed jaws");
+  server.world.grip = 1;
+  await until(page, (t) => ["holds", "clamped", "exhausted"].includes(t.state.id), "what they hold in words");
+  await page.mouse.up({ button: "right" });
+  await until(page, () => server.world.targets.at(-1).buttons === 0, "jaws that open with the button");
+  server.world.grip = 0;
+  await page.locator("#canvas").focus();
+  await page.keyboard.press("g");
+  await until(page, () => server.world.targets.at(-1).buttons === 1, "jaws that G closes");
+  await page.keyboard.press("g");
+  await until(page, () => server.world.targets.at(-1).buttons === 0, "and opens");
+  await page.keyboard.press("g");
+  await page.mouse.up();
+  await until(page, () => server.world.targets.at(-1).is_released && server.world.targets.at(-1).buttons === 0, "the release of all");
+});
+
 page_test("the keyboard leads the hand too: T, arrows, Escape", {}, async (page) => {
   await rest_tool_at(page, 0.02);
   await page.locator("#canvas").focus();

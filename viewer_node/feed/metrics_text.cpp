@@ -213,6 +213,10 @@ void add_mofc(Page& page, const MofcCounters& c) {
              static_cast<double>(c.physics_term));
   page.counter("mofc_physics_switches", "Switches between the physics and its standby.",
                {{"", c.physics_switches}});
+  page.counter("mofc_grips", "Closings of the jaws that took hold of tissue, and how they lost it.",
+               {{label("result", "held"), c.grips},
+                {label("result", "torn"), c.grips_torn},
+                {label("result", "slipped"), c.grips_slipped}});
   page.counter("mofc_ledger_resets", "Resets of the energy ledger.", {{"", c.ledger_resets}});
   page.counter("mofc_motions_dropped", "Motions that the link to physics refused.",
                {{"", c.motions_dropped}});
@@ -259,6 +263,8 @@ void add_physics(Page& page, const PhysicsCounters& c) {
                 {label("result", "repaired"), c.elastic_solves_repaired}});
   page.counter("physics_elastic_tips_appeared", "Tools that appeared inside an elastic body.",
                {{"", c.elastic_tips_appeared}});
+  page.gauge("physics_elastic_points_held", "Points of elastic bodies in the jaws of tools.", "",
+             static_cast<double>(c.elastic_points_held));
   page.counter("physics_elastic_steps_skipped", "Steps out of reach of an elastic body.",
                {{"", c.elastic_steps_skipped}});
   page.gauge("physics_elastic_residual_ratio",

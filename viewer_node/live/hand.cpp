@@ -45,6 +45,7 @@ void WebHand::take(std::uint64_t client, const std::string& payload, TimePoint n
   holder_heard_at_ = now;
   target_.holder_id = client;
   target_.hand_position_m = target->hand_position_m;
+  target_.buttons = target->is_released ? 0 : target->buttons;
   if (target->is_released) {
     release(now);
   } else {
@@ -76,6 +77,7 @@ void WebHand::send_target(TimePoint now) {
 
 void WebHand::release(TimePoint now) {
   target_.is_released = true;
+  target_.buttons = 0;
   send_target(now);
   target_.is_released = false;
   holder_ = 0;

@@ -62,7 +62,8 @@ void for_each_count(MofcCounters& a, const MofcCounters& b, const MofcCounters& 
         &MofcCounters::disturbed_contact_ticks, &MofcCounters::disturbed_clamped_ticks,
         &MofcCounters::motions_dropped, &MofcCounters::motions_suppressed,
         &MofcCounters::transparency_time_ns, &MofcCounters::standby_ticks,
-        &MofcCounters::physics_switches}) {
+        &MofcCounters::physics_switches, &MofcCounters::grips, &MofcCounters::grips_torn,
+        &MofcCounters::grips_slipped}) {
     visit(a.*field, b.*field, c.*field);
   }
   visit(a.transparency_integral_ns, b.transparency_integral_ns, c.transparency_integral_ns);
@@ -308,6 +309,9 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["physics_term"] = mofc.physics_term;
   json["standby_ticks"] = mofc.standby_ticks;
   json["physics_switches"] = mofc.physics_switches;
+  json["grips"] = mofc.grips;
+  json["grips_torn"] = mofc.grips_torn;
+  json["grips_slipped"] = mofc.grips_slipped;
   json["interactions_suppressed"] = physics.interactions_suppressed;
   json["elastic"] = elastic_json(physics);
   json["mesh_frames"] = physics.mesh_frames;

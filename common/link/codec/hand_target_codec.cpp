@@ -15,6 +15,7 @@ struct WireFormat<HandTarget> {
     wire.set_holder_id(m.holder_id);
     put(m.hand_position_m, *wire.mutable_hand_position_m());
     wire.set_is_released(m.is_released);
+    wire.set_buttons(m.buttons);
   }
 
   static void check(const v1::HandTarget& wire, Verdict& verdict) {
@@ -26,6 +27,7 @@ struct WireFormat<HandTarget> {
     m.holder_id = wire.holder_id();
     m.hand_position_m = vector(wire.hand_position_m());
     m.is_released = wire.is_released();
+    m.buttons = wire.buttons();
   }
 };
 template class Codec<HandTarget>;

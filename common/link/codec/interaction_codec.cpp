@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // interaction_codec.cpp — hop 3: Interaction and its contacts.
+#include <Eigen/Cholesky>
 #include <algorithm>
 
 #include "common/core/physics_term.h"
@@ -29,6 +30,50 @@ Matrix3 matrix(const Matrix& m) {
 void check_matrix(const Matrix& m, double limit, Verdict& verdict) {
   verdict.expect(m.empty() || m.size() == 9);
   for (const double x : m) verdict.number(x, -limit, limit);
+}
+
+void put_grip(const Grip& grip, v1::Grip& to) {
+  to.set_number(grip.number);
+  to.set_buttons(grip.buttons);
+  to.set_slip_newton(grip.slip_newton);
+  to.set_tear_newton(grip.tear_newton);
+  to.set_reach_m(grip.reach_m);
+  put(grip.slip_m, *to.mutable_slip_m());
+}
+
+/// The jaws are a spring, or a damper, that is the same in both directions of every motion, and no
+/// motion is free.
+bool is_spring(const Matrix& m) {
+  if (m.size() != 9) return false;
+  const Eigen::Map<const Matrix3> K(m.data());
+  const double rounding = 1e-9 * K.cwiseAbs().maxCoeff();
+  if (!((K - K.transpose()).cwiseAbs().maxCoeff() <= rounding)) return false;
+  return Eigen::LLT<Matrix3>(-K).info() == Eigen::Success;
+}
+
+void check_grip(const v1::Contact& contact, Verdict& verdict) {
+  const v1::Grip& grip = contact.grip();
+  verdict.expect(grip.number() > 0 && grip.buttons() != 0);
+  for (const double newton : {grip.slip_newton(), grip.tear_newton()}) {
+    verdict.number(newton, 0.0, kMaxTissueForceNewton);
+    verdict.expect(newton > 0.0);
+  }
+  verdict.number(grip.reach_m(), 0.0, kMaxPositionM);
+  verdict.expect(grip.reach_m() > 0.0);
+  verdict.vector(grip.has_slip_m(), grip.slip_m(), kMaxPositionM);
+  verdict.expect(contact.is_adhesive() && contact.penetration_m() > 0.0 &&
+                 contact.curvature_per_m().empty() && contact.hunt_crossley_exponent() == 0.0 &&
+                 contact.friction_coefficient() == 0.0 && is_spring(contact.d_force_d_position()) &&
+                 (contact.d_force_d_velocity().empty() || is_spring(contact.d_force_d_velocity())));
+}
+
+Grip grip_of(const v1::Grip& wire) {
+  return {.number = wire.number(),
+          .buttons = wire.buttons(),
+          .slip_newton = wire.slip_newton(),
+          .tear_newton = wire.tear_newton(),
+          .reach_m = wire.reach_m(),
+          .slip_m = vector(wire.slip_m())};
 }
 
 void put_contact(const Contact& contact, v1::Contact& to) {
@@ -62,6 +107,7 @@ void put_contact(const Contact& contact, v1::Contact& to) {
   to.set_is_punctured(contact.is_punctured);
   if (!contact.held_m.isZero(0.0)) put(contact.held_m, *to.mutable_held_m());
   to.set_relaxed_m(contact.relaxed_m);
+  if (contact.grip.number != 0) put_grip(contact.grip, *to.mutable_grip());
 }
 
 void check_contact(const v1::Contact& contact, Verdict& verdict) {
@@ -96,6 +142,7 @@ void check_contact(const v1::Contact& contact, Verdict& verdict) {
   }
   if (contact.has_held_m()) verdict.vector(true, contact.held_m(), kMaxPositionM);
   verdict.number(contact.relaxed_m(), -kMaxPositionM, kMaxPositionM);
+  if (contact.has_grip()) check_grip(contact, verdict);
 }
 
 Contact contact_of(const v1::Contact& wire) {
@@ -128,6 +175,7 @@ Contact contact_of(const v1::Contact& wire) {
   contact.is_punctured = wire.is_punctured();
   if (wire.has_held_m()) contact.held_m = vector(wire.held_m());
   contact.relaxed_m = wire.relaxed_m();
+  if (wire.has_grip()) contact.grip = grip_of(wire.grip());
   return contact;
 }
 

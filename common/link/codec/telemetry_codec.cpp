@@ -206,7 +206,8 @@ void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.minimum_true_energy_joule = wire.minimum_true_energy_joule(i);
 }
 
-enum MofcFlags : std::uint32_t { kClamped = 1, kInContact = 2, kFromStandby = 4 };
+enum MofcFlags : std::uint32_t { kClamped = 1, kInContact = 2, kFromStandby = 4, kGrip = 56 };
+constexpr std::uint32_t kGripShift = 3;
 
 void fill_records(const std::vector<MofcTick>& records, v1::MofcTelemetry& wire) {
   for (const MofcTick& r : records) {
@@ -220,7 +221,8 @@ void fill_records(const std::vector<MofcTick>& records, v1::MofcTelemetry& wire)
     wire.add_force_age_ns(r.force_age.count());
     wire.add_state(static_cast<std::uint32_t>(r.state));
     wire.add_flags((r.is_clamped ? kClamped : 0U) | (r.is_in_contact ? kInContact : 0U) |
-                   (r.is_from_standby ? kFromStandby : 0U));
+                   (r.is_from_standby ? kFromStandby : 0U) |
+                   (static_cast<std::uint32_t>(r.grip) << kGripShift));
   }
 }
 void check_records(const v1::MofcTelemetry& wire, Verdict& verdict) {
@@ -237,6 +239,10 @@ void check_records(const v1::MofcTelemetry& wire, Verdict& verdict) {
     verdict.expect(state <= static_cast<std::uint32_t>(MofcState::kClutched));
   }
   check_length(wire.flags(), rows, 1, verdict);
+  for (const std::uint32_t flags : wire.flags()) {
+    verdict.expect((flags & kGrip) >> kGripShift <=
+                   static_cast<std::uint32_t>(GripState::kSlipped));
+  }
 }
 void read_record(const v1::MofcTelemetry& wire, int i, MofcTick& r) {
   r.device_session_id = wire.device_session_id(i);
@@ -251,6 +257,7 @@ void read_record(const v1::MofcTelemetry& wire, int i, MofcTick& r) {
   r.is_clamped = (wire.flags(i) & kClamped) != 0;
   r.is_in_contact = (wire.flags(i) & kInContact) != 0;
   r.is_from_standby = (wire.flags(i) & kFromStandby) != 0;
+  r.grip = static_cast<GripState>((wire.flags(i) & kGrip) >> kGripShift);
 }
 
 void fill_records(const std::vector<PhysicsTick>& records, v1::PhysicsTelemetry& wire) {

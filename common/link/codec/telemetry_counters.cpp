@@ -144,6 +144,9 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_physics_term(c.physics_term);
   to.set_standby_ticks(c.standby_ticks);
   to.set_physics_switches(c.physics_switches);
+  to.set_grips(c.grips);
+  to.set_grips_torn(c.grips_torn);
+  to.set_grips_slipped(c.grips_slipped);
 }
 void check_counters(const v1::MofcCounters& c, Verdict& verdict) {
   verdict.require(c.has_device_state());
@@ -169,7 +172,10 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .standby_interaction = link(c.standby_interaction()),
           .physics_term = c.physics_term(),
           .standby_ticks = c.standby_ticks(),
-          .physics_switches = c.physics_switches()};
+          .physics_switches = c.physics_switches(),
+          .grips = c.grips(),
+          .grips_torn = c.grips_torn(),
+          .grips_slipped = c.grips_slipped()};
 }
 
 void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
@@ -201,6 +207,7 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_elastic_contact_steps(c.elastic_contact_steps);
   to.set_elastic_unknown_bound_steps(c.elastic_unknown_bound_steps);
   to.set_elastic_tips_appeared(c.elastic_tips_appeared);
+  to.set_elastic_points_held(c.elastic_points_held);
   to.set_elastic_solves_repaired(c.elastic_solves_repaired);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
@@ -245,6 +252,7 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
       .elastic_contact_steps = c.elastic_contact_steps(),
       .elastic_unknown_bound_steps = c.elastic_unknown_bound_steps(),
       .elastic_tips_appeared = c.elastic_tips_appeared(),
+      .elastic_points_held = c.elastic_points_held(),
       .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

@@ -27,6 +27,12 @@ struct WireFormat<ToolMotion> {
     wire.set_physics_term(m.physics_term);
     if (m.scene_time) wire.set_scene_time_ns(ns(*m.scene_time));
     if (m.wave.is_present()) put(m.wave, *wire.mutable_wave());
+    if (m.grip) {
+      wire.mutable_grip()->set_physics_session_id(m.grip->physics_session_id);
+      wire.mutable_grip()->set_number(m.grip->number);
+      put(m.grip->slip_m, *wire.mutable_grip()->mutable_slip_m());
+      wire.mutable_grip()->set_has_let_go(m.grip->has_let_go);
+    }
     if (m.receipts.store_id == 0) return;
     v1::SurfaceReceipts& receipts = *wire.mutable_receipts();
     receipts.set_store_id(m.receipts.store_id);
@@ -50,6 +56,10 @@ struct WireFormat<ToolMotion> {
     verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
     verdict.time(wire.scene_time_ns());
     if (wire.has_wave()) check_wave(wire.wave(), verdict);
+    if (wire.has_grip()) {
+      verdict.expect(wire.grip().physics_session_id() != 0 && wire.grip().number() != 0);
+      verdict.vector(wire.grip().has_slip_m(), wire.grip().slip_m(), kMaxPositionM);
+    }
     if (!wire.has_receipts()) return;
     const v1::SurfaceReceipts& receipts = wire.receipts();
     verdict.expect(receipts.store_id() != 0);
@@ -84,6 +94,13 @@ struct WireFormat<ToolMotion> {
     m.scene_time.reset();
     if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());
     m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
+    m.grip.reset();
+    if (wire.has_grip()) {
+      m.grip = {.physics_session_id = wire.grip().physics_session_id(),
+                .number = wire.grip().number(),
+                .slip_m = vector(wire.grip().slip_m()),
+                .has_let_go = wire.grip().has_let_go()};
+    }
   }
 };
 template class Codec<ToolMotion>;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <set>
+#include <variant>
 
 #include "common/core/user/nearest.h"
 #include "common/session/file/convert.h"
@@ -341,6 +343,26 @@ std::vector<std::string> to_physics_command(const Fields& physics,
   return command;
 }
 
+namespace {
+
+std::optional<GripperConfig> to_gripper(const Fields& tool, double tip_radius_m) {
+  if (!tool.has("gripper")) return std::nullopt;
+  const Fields fields = tool.message("gripper");
+  return GripperConfig{.button = static_cast<std::uint32_t>(fields.integer("button")),
+                       .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
+                       .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
+                       .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
+                       .jaw_newton = fields.number("jaw_newton"),
+                       .friction_coefficient = fields.number("friction_coefficient"),
+                       .tear_newton = fields.number("tear_newton")};
+}
+
+bool is_elastic(const TissueConfig& tissue) {
+  return std::holds_alternative<ElasticMaterial>(tissue.material);
+}
+
+}  // namespace
+
 SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir) {
   SceneConfig config;
   const Fields tool = scene.message("tool");
@@ -366,6 +388,14 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
                               .geometry = to_geometry(tissue, base_dir),
                               .material = to_material(tissue, config.tip_radius_m),
                               .motion = to_motion(tissue)});
+  }
+  if (!tool.has("gripper")) return config;
+  if (std::any_of(config.tissues.begin(), config.tissues.end(), is_elastic)) {
+    config.gripper = to_gripper(tool, config.tip_radius_m);
+  } else {
+    tool.problem("gripper",
+                 "holds elastic tissue, and the scene has none; give a tissue elastic { … }, or "
+                 "leave this out");
   }
   return config;
 }

@@ -23,12 +23,6 @@ constexpr double kDelayedTick_s = 1e-3;
 constexpr double kStallEvery_s = 0.5;
 constexpr double kVelocitySpan_s = 5e-3;
 
-double thread_time_s() {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 /// A link: what is sent arrives after the delay or not at all.
 template <class Message>
 class Line {
@@ -58,6 +52,12 @@ class Line {
 
 }  // namespace
 
+double thread_time_s() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vector3(double)>& tip_m,
                              double seconds, int lead_ticks, const Network& network) {
   PhysicsConfig physics;
@@ -84,6 +84,8 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
     state.header = {.session_id = 1,
                     .sequence = static_cast<std::uint64_t>(tick + lead_ticks),
                     .sampled_at = TimePoint(from_seconds(now_s))};
+    const bool is_closed = network.is_closed && network.is_closed(path_s);
+    state.buttons = is_closed && scene.gripper ? 1U << scene.gripper->button : 0U;
 
     // mofc_node
     const double begin_s = thread_time_s();
@@ -98,6 +100,7 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
     if (tick >= 0) {
       forces.newton.push_back(newton);
       forces.us.push_back(1e6 * (thread_time_s() - begin_s));
+      forces.grip.push_back(model.held_tissue().state());
     }
     ToolMotion sent;
     sent.header = {
@@ -109,6 +112,8 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
     sent.tool_velocity_world_m_per_s = velocity;
     sent.receipts = model.receipts();
     sent.elastic_receipts = model.elastic_receipts();
+    sent.buttons = state.buttons;
+    sent.grip = model.held_tissue().report();
     motions.send(sent, now_s);
 
     // physics_node
@@ -126,6 +131,9 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
     answer->tool_position_world_m = motion->tool_position_world_m;
     answer->steps = ++steps;
     engine.step(*motion, true, answer->header.sampled_at, *answer);
+    PhysicsCounters counters;
+    engine.count_into(counters);
+    forces.points_held = std::max(forces.points_held, counters.elastic_points_held);
     if (!network.has_rate) answer->elastic.state.relaxation_s = 0.0;
     if (tick >= 0) bytes += static_cast<double>(encoder.encode(*answer));
     interactions.send(*answer, now_s);

@@ -9,6 +9,7 @@
 
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
+#include "mofc_node/tissue/held_tissue.h"
 
 namespace palpate::bench {
 
@@ -19,13 +20,19 @@ struct Network {
   double stall_s = 0.0;     ///< physics stands still for so long, every half second
   bool has_rate = true;     ///< false: as for a mofc_node that takes viscous forces for elastic
   std::uint64_t seed = 1;
+  std::function<bool(double)> is_closed{};  ///< the jaws, by time [s]; none: never
 };
 
 struct DelayedForces {
   std::vector<Vector3> newton;  ///< on the tool, at every tick of 1 ms from time 0
   std::vector<double> us;       ///< processor time of mofc_node's model in each of these ticks
-  double bytes_per_s = 0.0;     ///< of hop 3, frames as they are sent
+  std::vector<mofc::HeldTissue::State> grip;  ///< at these ticks
+  std::uint32_t points_held = 0;              ///< at most
+  double bytes_per_s = 0.0;                   ///< of hop 3, frames as they are sent
 };
+
+/// Processor time of this thread [s].
+[[nodiscard]] double thread_time_s();
 
 /// mofc's TissueModel with what SceneEngine sends it.
 /// @param tip_m  by time [s]; before 0 the tip is where it is at 0   @param lead_ticks  before time

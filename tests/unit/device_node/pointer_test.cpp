@@ -210,8 +210,8 @@ TEST(LedHand, MovesASimulatedDeviceOnTheThreadThatReadsIt) {
   HandConfig config;
   config.pointer = PointerConfig{};
   SimulatedDevice device({}, config, clock, 1, &goals);
-  ASSERT_TRUE(goals.push(Vector3(0, 0, 0.05)));
-  ASSERT_TRUE(goals.push(Vector3(0.02, 0, 0)));  // the newest counts
+  ASSERT_TRUE(goals.push(HandGoal{.position_m = {0, 0, 0.05}, .buttons = 2}));
+  ASSERT_TRUE(goals.push(HandGoal{.position_m = {0.02, 0, 0}, .buttons = 4}));  // the newest counts
 
   DeviceSample sample;
   for (int tick = 0; tick < 3000; ++tick) {
@@ -221,6 +221,12 @@ TEST(LedHand, MovesASimulatedDeviceOnTheThreadThatReadsIt) {
 
   // the spring of 150 N/m overcomes 0.1 N of friction down to 0.7 mm
   EXPECT_LT((sample.hand_position_m - Vector3(0.02, 0, 0)).norm(), 1e-3);
+  EXPECT_EQ(sample.buttons, 4U);
+
+  ASSERT_TRUE(goals.push(std::nullopt));
+  clock.advance(1ms);
+  ASSERT_TRUE(device.read(sample));
+  EXPECT_EQ(sample.buttons, 0U) << "a page that lets go presses nothing";
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // The rules of each hop's messages.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <string>
@@ -198,6 +199,87 @@ TEST(InteractionCodec, RefusesWhatIsOutOfRange) {
   expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(-1e-12); }, false);
   expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(1001.0); }, false);
   expect_wave_ranges<Interaction>();
+}
+
+TEST(ToolMotionCodec, RefusesAnInvalidReportOfTheJaws) {
+  const auto report = [](auto&& change, bool is_allowed) {
+    expect_range<ToolMotion>(
+        [&](auto& m) {
+          v1::GripReport& grip = *m.mutable_grip();
+          grip.set_physics_session_id(1);
+          grip.set_number(1);
+          grip.mutable_slip_m()->set_x(0.01);
+          change(grip);
+        },
+        is_allowed);
+  };
+  report([](v1::GripReport&) {}, true);
+  report([](v1::GripReport& g) { g.set_physics_session_id(0); }, false);
+  report([](v1::GripReport& g) { g.set_number(0); }, false);
+  report([](v1::GripReport& g) { g.mutable_slip_m()->set_y(1000.1); }, false);
+}
+
+TEST(InteractionCodec, RefusesAnInvalidGrip) {
+  const auto held = [](auto&& change, bool is_allowed) {
+    expect_range<Interaction>(
+        [&](auto& m) {
+          v1::Contact& c = *m.mutable_contacts(0);
+          const double penetration_m = std::abs(c.penetration_m());
+          c.clear_curvature_per_m();
+          c.clear_d_force_d_position();
+          c.clear_d_force_d_velocity();
+          for (int i = 0; i < 9; ++i) c.add_d_force_d_position(i % 4 == 0 ? -200.0 : -50.0);
+          c.set_hunt_crossley_exponent(0.0);
+          c.set_friction_coefficient(0.0);
+          c.set_is_adhesive(true);
+          c.set_penetration_m(penetration_m);
+          v1::Grip& grip = *c.mutable_grip();
+          grip.set_number(1);
+          grip.set_buttons(1);
+          grip.set_slip_newton(5.0);
+          grip.set_tear_newton(8.0);
+          grip.set_reach_m(0.01);
+          grip.mutable_slip_m()->set_x(0.001);
+          change(c);
+        },
+        is_allowed);
+  };
+  held([](v1::Contact&) {}, true);
+  held([](v1::Contact& c) { c.mutable_grip()->set_number(0); }, false);
+  held([](v1::Contact& c) { c.mutable_grip()->set_buttons(0); }, false);
+  held([](v1::Contact& c) { c.mutable_grip()->set_slip_newton(0.0); }, false);
+  held([](v1::Contact& c) { c.mutable_grip()->set_tear_newton(1.01e4); }, false);
+  held([](v1::Contact& c) { c.mutable_grip()->set_reach_m(-1e-9); }, false);
+  held([](v1::Contact& c) { c.mutable_grip()->mutable_slip_m()->set_z(1000.1); }, false);
+  held([](v1::Contact& c) { c.set_is_adhesive(false); }, false);
+  held([](v1::Contact& c) { c.set_friction_coefficient(0.1); }, false);
+  // not symmetric, not positive definite, not there
+  held([](v1::Contact& c) { c.set_d_force_d_position(1, -50.001); }, false);
+  held([](v1::Contact& c) { c.set_d_force_d_position(0, -10.0); }, false);
+  held([](v1::Contact& c) { c.set_d_force_d_position(0, 200.0); }, false);
+  held([](v1::Contact& c) { c.clear_d_force_d_position(); }, false);
+  // likewise the damping, which may be left out
+  const auto damped = [](double along, double across) {
+    return [=](v1::Contact& c) {
+      for (int i = 0; i < 9; ++i) c.add_d_force_d_velocity(i % 4 == 0 ? along : across);
+    };
+  };
+  held(damped(-1.0, -0.2), true);
+  held(damped(1.0, 0.2), false);
+}
+
+// Nothing of a gripper travels where none is: hops 2 and 3 are what they were, byte for byte.
+TEST(InteractionCodec, ASessionWithoutAGripperHasNoneOnTheWire) {
+  Random random(5);
+  for (int i = 0; i < 200; ++i) {
+    auto said = test::random_message<Interaction>(random);
+    for (Contact& contact : said.contacts) contact.grip = {};
+    const auto wire = opened<Interaction>(encoded(said));
+    for (const v1::Contact& contact : wire.contacts()) EXPECT_FALSE(contact.has_grip());
+    auto motion = test::random_message<ToolMotion>(random);
+    motion.grip.reset();
+    EXPECT_FALSE(opened<ToolMotion>(encoded(motion)).has_grip());
+  }
 }
 
 TEST(InteractionCodec, RefusesInvalidContacts) {

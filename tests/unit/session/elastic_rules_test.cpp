@@ -185,5 +185,54 @@ TEST(Materials, TheirTableIsInTheDocs) {
       << "refresh it with the output of `palpate explain materials`";
 }
 
+// --- scene.tool.gripper
+// ---------------------------------------------------------------------------
+
+std::string with_gripper(const std::string& gripper, const std::string& material) {
+  return "name: \"x\" hand { press { until_s: 1 } } scene { tool { tip_radius_m: 0.006 gripper { " +
+         gripper + " } } tissue { name: 'a' " + material + " } }";
+}
+const std::string kBlock = std::string(kMesh) + " elastic { " + kHeld + " }";
+
+TEST(GripperRules, HasDefaultsThatFollowTheTip) {
+  const Session session = parse_session(with_gripper("button: 3", kBlock), "x.txtpb", {}, "/tmp");
+  ASSERT_TRUE(session.scene.gripper);
+  const GripperConfig& gripper = *session.scene.gripper;
+  EXPECT_EQ(gripper.button, 3U);
+  EXPECT_DOUBLE_EQ(gripper.reach_m, 0.009);
+  EXPECT_EQ(gripper.most_points, 64U);
+  EXPECT_EQ(gripper.stiffness_newton_per_m, 2000.0);
+  EXPECT_EQ(gripper.slip_newton(), 5.0);
+  EXPECT_EQ(gripper.tear_newton, 8.0);
+  EXPECT_FALSE(
+      parse_session("name: \"x\" scene { tool { tip_radius_m: 0.006 } tissue { " + kBlock + " } }",
+                    "x.txtpb", {}, "/tmp")
+          .scene.gripper);
+}
+
+TEST(GripperRules, NeedsElasticTissueAndFiguresInRange) {
+  const auto complaint = [](const std::string& gripper, const std::string& material = kBlock) {
+    return complaints(with_gripper(gripper, material), {}, "/tmp");
+  };
+  const auto at = [](const std::string& field, const std::string& words) {
+    return AllOf(SizeIs(2), ::testing::Contains(AllOf(StartsWith("x.txtpb:"),
+                                                      HasSubstr("scene.tool.gripper" + field),
+                                                      HasSubstr(words))));
+  };
+  EXPECT_THAT(complaint("reach_m: 0.1 most_points: 1 jaw_newton: 1000 tear_newton: 1000"),
+              IsEmpty());
+  EXPECT_THAT(complaint("", "half_space {} kelvin_voigt { stiffness_newton_per_m: 400 }"),
+              at("", "elastic"));
+  EXPECT_THAT(complaint("button: 32"), at(".button", "31"));
+  EXPECT_THAT(complaint("reach_m: 0"), at(".reach_m", "0"));
+  EXPECT_THAT(complaint("reach_m: 0.11"), at(".reach_m", "0.1"));
+  EXPECT_THAT(complaint("most_points: 0"), at(".most_points", "1"));
+  EXPECT_THAT(complaint("most_points: 65"), at(".most_points", "64"));
+  EXPECT_THAT(complaint("stiffness_newton_per_m: 9"), at(".stiffness_newton_per_m", "10"));
+  EXPECT_THAT(complaint("jaw_newton: 0"), at(".jaw_newton", "0"));
+  EXPECT_THAT(complaint("friction_coefficient: 10.1"), at(".friction_coefficient", "10"));
+  EXPECT_THAT(complaint("tear_newton: 0"), at(".tear_newton", "0"));
+}
+
 }  // namespace
 }  // namespace palpate

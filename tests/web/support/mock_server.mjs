@@ -117,6 +117,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     has_strain: false, // the block is an elastic body
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
+    grip: 0, // GripState
     changes: [], // every TissueChange received
     device: { phase: 4, deviceFaults: 0n, lastFault: 0 }, // of its counters
     acknowledgements: [], // every Acknowledgement received
@@ -252,7 +253,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       mofc.session.push(kSessions.device); mofc.seq.push(tick); mofc.at.push(at);
       mofc.asked.push(...vector(world.alive.physics ? asked : 0)); mofc.commanded.push(...vector(applied)); mofc.bound.push(bound, bound, bound);
       mofc.ledger.push(energy + 2e-4); mofc.age.push(BigInt(Math.round(1.4e6 + 6e5 * wobble)));
-      mofc.state.push(world.alive.physics ? (asked > 0 ? 2 : 1) : 0); mofc.flags.push((is_clamped ? 1 : 0) | (asked > 0 ? 2 : 0));
+      mofc.state.push(world.alive.physics ? (asked > 0 ? 2 : 1) : 0); mofc.flags.push((is_clamped ? 1 : 0) | (asked > 0 ? 2 : 0) | (world.grip << 3));
       tick += 1n;
     }
     if (performance.now() - held_ms > kHolderTimeout_ms) world.holder = 0;
@@ -470,7 +471,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       world.holders = { [topic.split("/")[1]]: world.holder };
       held_ms = performance.now();
       target = message.handPositionM;
-      world.targets.push({ client: socket.client_id, topic, ...target, is_released: message.isReleased, at_ms: held_ms });
+      world.targets.push({ client: socket.client_id, topic, ...target, is_released: message.isReleased, buttons: message.buttons ?? 0, at_ms: held_ms });
     });
     socket.on("close", () => {
       if (world.holder === socket.client_id) world.holder = 0;

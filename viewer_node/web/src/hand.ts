@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // hand.ts: touch with the pointer. Dragging the tool moves the target of a simulated hand in the
-// plane of the picture; the wheel, Shift or a second finger moves it in depth. The only
+// plane of the picture; the wheel, Shift or a second finger moves it in depth. The right mouse button,
+// or G in turn, presses button 0 of its device, with which a gripper closes. The only
 // message from the page to the nodes; the server and the hand limit it again.
 import type { SceneView } from "./scene/scene_view";
 import { norm } from "./telemetry";
@@ -52,13 +53,14 @@ export class HandControl {
   private is_held_by_keys = false;
   private sent_s = -Infinity;
   private is_moved = false;
+  private is_pressed = false; // button 0 of the device
   private timer: ReturnType<typeof setInterval> | undefined;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly view: SceneView,
     private readonly led: () => Led,
-    private readonly publish: (fields: { handPositionM: Vector3; isReleased: boolean }) => boolean) {
+    private readonly publish: (fields: { handPositionM: Vector3; isReleased: boolean; buttons: number }) => boolean) {
     // before OrbitControls, which listens on the canvas itself
     const area = canvas.parentElement!;
     area.addEventListener("pointerdown", (event) => this.pointer_down(event), true);
@@ -83,6 +85,9 @@ export class HandControl {
       event.stopPropagation();
       this.move(0, 0, -kWheelStep_m * event.deltaY * (event.deltaMode === 1 ? 16 : 1));
     }, { capture: true, passive: false });
+    canvas.addEventListener("contextmenu", (event) => {
+      if (this.is_held) event.preventDefault();
+    });
     canvas.addEventListener("blur", () => this.release());
     addEventListener("pagehide", () => this.release());
   }
@@ -137,6 +142,11 @@ export class HandControl {
       this.release();
       return true;
     }
+    if (key.toLowerCase() === "g" && this.is_held) {
+      this.press(!this.is_pressed);
+      this.key_s = seconds();
+      return true;
+    }
     if (!this.is_touching || !(key in steps)) return false;
     if (this.status.is_others) return true;
     if (!this.is_held) {
@@ -156,8 +166,15 @@ export class HandControl {
     this.let_go();
   }
 
+  private press(is_pressed: boolean): void {
+    if (is_pressed === this.is_pressed) return;
+    this.is_pressed = is_pressed;
+    this.send(false);
+  }
+
   private let_go(): void {
     clearInterval(this.timer);
+    this.is_pressed = false;
     this.pointer = this.depth_pointer = null;
     this.is_held_by_keys = false;
     this.view.orbits = true;
@@ -190,6 +207,7 @@ export class HandControl {
 
   private pointer_moved(event: PointerEvent): void {
     if (event.pointerId === this.pointer) {
+      if (event.button === 2) this.press((event.buttons & 2) !== 0);
       const right_px = event.clientX - this.last.x;
       const down_px = event.clientY - this.last.y;
       this.last = { x: event.clientX, y: event.clientY };
@@ -257,7 +275,8 @@ export class HandControl {
 
   private send(is_released: boolean): void {
     if (!this.is_allowed) return;
-    if (this.publish({ handPositionM: this.hand_of(this.target), isReleased: is_released })) this.sent_count += 1;
+    const buttons = this.is_pressed && !is_released ? 1 : 0;
+    if (this.publish({ handPositionM: this.hand_of(this.target), isReleased: is_released, buttons })) this.sent_count += 1;
     this.sent_s = seconds();
     this.is_moved = false;
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // state.ts: the state of the whole system as text.
 import { kNodes, norm, type NodeLink, type NodeName, type Telemetry } from "./telemetry";
-import { Guard, kFaultReasons, Mofc, type Vector3 } from "./wire";
+import { Grip, Guard, kFaultReasons, Mofc, type Vector3 } from "./wire";
 
 export type Tone = "calm" | "active" | "notice" | "alarm" | "absent";
 export interface StateWords {
@@ -82,12 +82,16 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
     case Mofc.clutched:
       return words("clutched", "Clutched", "Hand and tool are uncoupled.", "calm");
     case Mofc.contact:
+      if (telemetry.grip === Grip.holds && !telemetry.is_clamped) return words("holds", "Holds tissue", "The jaws hold tissue: its force is rendered.", "active");
+      if (telemetry.grip === Grip.slips && !telemetry.is_clamped) return words("slips", "Slips", "The tissue slips in the jaws: the force is more than they hold.", "notice");
       return telemetry.is_clamped
         ? telemetry.is_exhausted
           ? words("exhausted", "Contact, clamped", "The energy credit is exhausted: lift off and press again.", "notice")
           : words("clamped", "Contact, clamped", "The clamp reduces the force.", "notice")
         : words("contact", "Contact", "The force of the tissue is rendered.", "active");
     default:
+      if (telemetry.grip === Grip.torn) return words("torn", "Tissue torn", "The jaws lost it: open them, and close them again.", "notice");
+      if (telemetry.grip === Grip.slipped) return words("slipped", "Slipped out", "The tissue slipped out of the jaws: open them, and close them again.", "notice");
       if (telemetry.is_clamped && norm(telemetry.requested_newton) > 0) {
         return words("clamped", "Clamped", "The clamp reduces the force.", "notice");
       }

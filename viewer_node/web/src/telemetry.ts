@@ -3,7 +3,7 @@
 // which nodes are alive. No DOM; callers pass the time.
 import { Ring } from "./ring";
 import {
-  columns_agree, Guard, kDeviceAnswered, kMofcClamped, kMofcInContact, Mofc,
+  columns_agree, Guard, kDeviceAnswered, Grip, kGripShift, kMofcClamped, kMofcInContact, Mofc,
   type DeviceTelemetry, type Header, type Health, type MofcTelemetry, type PhysicsTelemetry, type Quaternion,
   type Vector3,
 } from "./wire";
@@ -139,6 +139,7 @@ export class Telemetry {
   guard: Guard = Guard.limp;
   mofc_state: Mofc = Mofc.no_physics;
   is_in_contact = false;
+  grip: Grip = Grip.none;
   // device's clock
   private clamped_s = -Infinity;
   private fallback_s = -Infinity;
@@ -236,6 +237,7 @@ export class Telemetry {
     }
     if (last < 0) return;
     this.mofc_state = batch.state[last];
+    this.grip = (batch.flags[last] >> kGripShift) & 7;
     this.is_in_contact = (batch.flags[last] & kMofcInContact) !== 0;
     copy_vector(batch.requestedForceOnHandNewton, last, this.requested_newton);
     this.keep_transparency(batch);

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mofc_node/tissue/held_tissue.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "common/contact/elastic/grip.h"
+
+namespace palpate::mofc {
+namespace {
+
+// Of the passage from one law to the next: half a period of the full solutions, so that their
+// steps are not felt.
+constexpr double kPassage_s = 0.01;
+
+}  // namespace
+
+void HeldTissue::reset() noexcept {
+  is_held_ = is_listed_ = false;
+  if (state_ == State::kHolds || state_ == State::kSlips) state_ = State::kNone;
+}
+
+void HeldTissue::lose(State why) noexcept {
+  state_ = why;
+  is_held_ = false;
+  if (report_) report_->has_let_go = true;
+}
+
+/// The law of the newest message; the force goes on where it is.
+void HeldTissue::take(const Contact& contact, const Interaction& newest, const Vector3& at_m,
+                      const Vector3& velocity) noexcept {
+  const Law law{.place_m = newest.tool_position_world_m - contact.grip.slip_m,
+                .force_newton = contact.elastic_force_on_tool_newton,
+                .stiffness_newton_per_m = -contact.d_force_d_position,
+                .damping_newton_s_per_m = -contact.d_force_d_velocity};
+  const Vector3 before =
+      is_held_ ? Vector3(law_.at(at_m, velocity) + offset_newton_) : Vector3::Zero();
+  offset_newton_ = before - law.at(at_m, velocity);
+  law_ = law;
+  is_held_ = true;
+}
+
+ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
+                            const Vector3& tool_position_world_m,
+                            const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept {
+  const Contact* const end = newest.contacts.data() + newest.listed_count;
+  const Contact* const contact = std::find_if(
+      newest.contacts.data(), end, [](const Contact& one) { return one.grip.number != 0; });
+  is_listed_ = contact != end;
+  if (!is_listed_) {
+    // physics_node tore it, or is another one
+    if (is_held_ && report_->physics_session_id == newest.header.session_id) lose(State::kTorn);
+    if (is_held_ || (buttons & buttons_) != buttons_) state_ = State::kNone;
+    is_held_ = false;
+    report_.reset();
+    return {};
+  }
+  const Grip& grip = contact->grip;
+  if (!report_ || report_->physics_session_id != newest.header.session_id ||
+      report_->number != grip.number) {
+    report_ = {.physics_session_id = newest.header.session_id,
+               .number = grip.number,
+               .slip_m = grip.slip_m};
+    is_held_ = false;
+    state_ = State::kNone;
+  }
+  tissue_ = contact->tissue;
+  buttons_ = grip.buttons;
+  if ((buttons & buttons_) != buttons_) lose(State::kNone);
+  if (report_->has_let_go) return {};
+
+  const Vector3 at_m = tool_position_world_m - report_->slip_m;
+  take(*contact, newest, at_m, tool_velocity_world_m_per_s);
+  const double offset = std::max(offset_newton_.norm(), 1e-12);
+  offset_newton_ *= 1.0 - std::min({1.0, dt_s / kPassage_s, newton_per_s_ * dt_s / offset});
+  const Vector3 wanted = law_.at(at_m, tool_velocity_world_m_per_s) + offset_newton_;
+  const GripSlip slip = slip_in_jaws(wanted, law_.stiffness_newton_per_m, grip.slip_newton);
+  const Vector3& newton = slip.force_on_tool_newton;
+  report_->slip_m += slip.slip_m;
+  state_ = slip.slip_m.isZero(0.0) ? State::kHolds : State::kSlips;
+  if (newton.norm() > grip.tear_newton) lose(State::kTorn);
+  if (!(report_->slip_m.norm() <= grip.reach_m)) lose(State::kSlipped);
+  const double joule = 0.5 * newton.dot(law_.stiffness_newton_per_m.inverse() * newton);
+  if (!is_held_ || !newton.allFinite() || !std::isfinite(joule)) return {};
+  return {.force_on_tool_newton = newton, .stored_energy_joule = joule, .is_touching = true};
+}
+
+}  // namespace palpate::mofc

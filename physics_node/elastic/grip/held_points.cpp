@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "physics_node/elastic/grip/held_points.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace palpate::elastic {
+namespace {
+
+using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+
+constexpr double kMostChange = 3.0;
+
+}  // namespace
+
+void HeldPoints::take(const std::vector<SurfacePoint>& points, const double* x_m,
+                      const Vector3d& at_m, double reach_m, std::size_t most, double newton_per_m) {
+  held_.clear();
+  at_m_ = at_m;
+  std::vector<std::pair<double, std::size_t>> near;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double distance_m = (points[i].position_m(x_m) - at_m).norm();
+    if (distance_m <= reach_m) near.emplace_back(distance_m, i);
+  }
+  std::sort(near.begin(), near.end());
+  near.resize(std::min(near.size(), most));
+  for (const auto& [distance_m, i] : near) {
+    held_.push_back({.point = points[i], .index = i, .away_m = points[i].position_m(x_m) - at_m});
+  }
+  newton_per_m_ = newton_per_m / static_cast<double>(std::max<std::size_t>(1, held_.size()));
+}
+
+Vector3d HeldPoints::add_forces_on_body(const double* x_m,
+                                        std::span<Vector3d> forces_newton) const noexcept {
+  Vector3d sum = Vector3d::Zero();
+  for (const Held& one : held_) {
+    const Vector3d pull = newton_per_m_ * (one.point.position_m(x_m) - at_m_ - one.away_m);
+    forces_newton[one.index] -= pull;
+    sum += pull;
+  }
+  return sum;
+}
+
+double HeldPoints::add_gradient(const double* x_m, double* gradient) const noexcept {
+  double joule = 0.0;
+  for (const Held& one : held_) {
+    const Vector3d stretch_m = one.point.position_m(x_m) - at_m_ - one.away_m;
+    joule += 0.5 * newton_per_m_ * stretch_m.squaredNorm();
+    for (std::size_t a = 0; a < static_cast<std::size_t>(one.point.count); ++a) {
+      Eigen::Map<Vector3d>(gradient + 3 * std::size_t{one.point.nodes[a]}) +=
+          newton_per_m_ * one.point.weights[a] * stretch_m;
+    }
+  }
+  return joule;
+}
+
+void HeldPoints::add_stiffness(const BlockPattern& pattern, BlockValues& values) const {
+  for (const Held& one : held_) {
+    const SurfacePoint& point = one.point;
+    for (std::size_t a = 0; a < static_cast<std::size_t>(point.count); ++a) {
+      const std::int32_t row = pattern.row_of[point.nodes[a]];
+      if (row < 0) continue;
+      for (std::size_t b = 0; b < static_cast<std::size_t>(point.count); ++b) {
+        const std::int32_t column = pattern.row_of[point.nodes[b]];
+        if (column < 0 || column > row) continue;
+        const std::size_t block = std::size_t{9} * pattern.slot(static_cast<std::uint32_t>(row),
+                                                                static_cast<std::uint32_t>(column));
+        const double k = newton_per_m_ * point.weights[a] * point.weights[b];
+        for (std::size_t i = 0; i < 3; ++i) values[block + 4 * i] += k;
+      }
+    }
+  }
+}
+
+Eigen::Matrix3d grip_stiffness_newton_per_m(SurfaceCompliance& compliance, const HeldPoints& own,
+                                            std::span<const HeldPoints> others) {
+  struct Row {
+    const SurfacePoint* point;
+    double give_m_per_newton;
+  };
+  std::vector<Row> rows;
+  const auto add = [&](const HeldPoints& one) {
+    for (const HeldPoints::Held& held : one.held()) {
+      rows.push_back({.point = &held.point, .give_m_per_newton = 1.0 / one.newton_per_m()});
+    }
+  };
+  add(own);
+  for (const HeldPoints& other : others) {
+    if (&other != &own) add(other);
+  }
+  std::vector<std::uint32_t> nodes;
+  for (const Row& row : rows) row.point->add_nodes_to(nodes);
+  const SurfaceCompliance::Required columns = compliance.require(nodes);
+
+  const auto size = static_cast<Eigen::Index>(3 * rows.size());
+  Eigen::MatrixXd give = Eigen::MatrixXd::Zero(size, size);
+  for (std::size_t j = 0; j < rows.size(); ++j) {
+    const SurfacePoint& under = *rows[j].point;
+    for (std::size_t i = 0; i <= j; ++i) {
+      const SurfacePoint& at = *rows[i].point;
+      Eigen::Matrix3d block = Eigen::Matrix3d::Zero();
+      for (std::size_t b = 0; b < static_cast<std::size_t>(under.count); ++b) {
+        const float* column = columns.of(under.nodes[b]);
+        for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
+          const auto row = static_cast<std::size_t>(compliance.row_of(at.nodes[a]));
+          block += at.weights[a] * under.weights[b] *
+                   Eigen::Map<const RowMajor3f>(column + 9 * row).cast<double>();
+        }
+      }
+      if (i == j) block.diagonal().array() += rows[i].give_m_per_newton;
+      give.block<3, 3>(static_cast<Eigen::Index>(3 * i), static_cast<Eigen::Index>(3 * j)) = block;
+    }
+  }
+  Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(size, 3);  // a way of the tool, of its own points
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    moved.block<3, 3>(static_cast<Eigen::Index>(3 * i), 0).setIdentity();
+  }
+  const Eigen::MatrixXd forces = give.selfadjointView<Eigen::Upper>().llt().solve(moved);
+  const Eigen::Matrix3d stiffness = moved.transpose() * forces;
+  return 0.5 * (stiffness + stiffness.transpose());
+}
+
+Eigen::Matrix3d updated_stiffness(const Eigen::Matrix3d& stiffness, const Vector3d& way_m,
+                                  const Vector3d& fell_newton) {
+  if (!(way_m.norm() > kShortestWay_m)) return stiffness;
+  const Vector3d expected = stiffness * way_m;
+  const double expected_joule = way_m.dot(expected);
+  const double joule = way_m.dot(fell_newton);
+  if (!(joule > expected_joule / kMostChange && joule < expected_joule * kMostChange)) {
+    return stiffness;
+  }
+  const Eigen::Matrix3d updated = stiffness - expected * expected.transpose() / expected_joule +
+                                  fell_newton * fell_newton.transpose() / joule;
+  const Eigen::Matrix3d symmetric = 0.5 * (updated + updated.transpose());
+  return Eigen::LLT<Eigen::Matrix3d>(symmetric).info() == Eigen::Success ? symmetric : stiffness;
+}
+
+}  // namespace palpate::elastic

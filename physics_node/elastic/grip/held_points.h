@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// held_points.h — points of the surface of an elastic body that the jaws of a tool hold.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "physics_node/elastic/condensed/condensed_contact.h"
+#include "physics_node/elastic/sphere_contact.h"
+
+namespace palpate::elastic {
+
+/// Bilateral: each point is tied to a place that moves with the tool by a spring of the same
+/// stiffness, ½ k Σ |x − (at + away)|². The jaws do not turn. Positive semidefinite, and of the
+/// nodes of one face each, so that it needs no more of the matrix of the body.
+class HeldPoints {
+ public:
+  /// Takes the nearest of the points within reach, where the body is now.
+  /// @param newton_per_m  > 0, of all together
+  void take(const std::vector<SurfacePoint>& points, const double* x_m, const Vector3d& at_m,
+            double reach_m, std::size_t most, double newton_per_m);
+  void let_go() noexcept { held_.clear(); }
+  [[nodiscard]] bool is_empty() const noexcept { return held_.empty(); }
+  [[nodiscard]] std::size_t size() const noexcept { return held_.size(); }
+
+  /// Where the tool is, less its slip.
+  void set_place(const Vector3d& at_m) noexcept { at_m_ = at_m; }
+  [[nodiscard]] const Vector3d& place_m() const noexcept { return at_m_; }
+  /// Adds the force on each point with the body there. @return  the sum of the opposite ones, which
+  /// act on the tool
+  Vector3d add_forces_on_body(const double* x_m, std::span<Vector3d> forces_newton) const noexcept;
+
+  // as an obstacle; see obstacle.h
+  double add_gradient(const double* x_m, double* gradient) const noexcept;
+  void add_stiffness(const BlockPattern& pattern, BlockValues& values) const;
+
+  struct Held {
+    SurfacePoint point;
+    std::size_t index;  // of the points that were given
+    Vector3d away_m;    // from the tool, at the closing
+  };
+  [[nodiscard]] const std::vector<Held>& held() const noexcept { return held_; }
+  /// Of one point's spring.
+  [[nodiscard]] double newton_per_m() const noexcept { return newton_per_m_; }
+
+ private:
+  std::vector<Held> held_;
+  Vector3d at_m_ = Vector3d::Zero();
+  double newton_per_m_ = 0.0;
+};
+
+/// How the force on a tool falls with its way where `own` ties it to the body, while the others
+/// hold theirs at rest: Jᵀ (C + 1/k)⁻¹ J with the compliance C of all held points at rest.
+/// Symmetric, positive definite unless a number overflows. On the slow thread: a Cholesky of three
+/// rows a point. Makes the columns that it needs.
+/// @throws std::runtime_error  as SurfaceCompliance::require
+[[nodiscard]] Eigen::Matrix3d grip_stiffness_newton_per_m(SurfaceCompliance& compliance,
+                                                          const HeldPoints& own,
+                                                          std::span<const HeldPoints> others);
+
+/// On a shorter way the creep of the body hides what the way changed.
+inline constexpr double kShortestWay_m = 3e-4;
+
+/// The stiffness that explains how the force changed between two solutions, with the least change
+/// of `stiffness` to this [Nocedal06, BFGS]: stays symmetric and positive definite. Left as it is
+/// if the way is shorter, or the two differ by more than a factor of three along it: then the
+/// body moves.
+/// @param fell_newton  force on the tool before less that after
+[[nodiscard]] Eigen::Matrix3d updated_stiffness(const Eigen::Matrix3d& stiffness,
+                                                const Vector3d& way_m, const Vector3d& fell_newton);
+
+}  // namespace palpate::elastic

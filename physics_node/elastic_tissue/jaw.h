@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// jaw.h — the jaws of one tool on one elastic body: what they hold in the full solution, and what
+// that leaves to the steps between two solutions.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "common/core/messages.h"
+#include "common/session/scene_config.h"
+#include "physics_node/elastic/grip/held_points.h"
+#include "physics_node/elastic_tissue/elastic_simulation.h"
+
+namespace palpate::physics {
+
+/// What a step of the tool knows of its jaws.
+struct JawInput {
+  bool is_closed = false;                      ///< the button is held
+  Vector3 velocity_m_per_s = Vector3::Zero();  ///< of the tool
+  std::optional<GripReport> report{};          ///< of mofc_node, to this physics
+};
+
+/// What the jaws shall do on one body, as a step of the tool knows it.
+struct JawCommand {
+  std::uint32_t number = 0;  ///< of the closing, from 1; 0: never closed
+  bool is_closed = false;    ///< around this body, and has not lost it
+  double slip_x_m = 0.0;     ///< of the tool since that closing
+  double slip_y_m = 0.0;
+  double slip_z_m = 0.0;
+
+  [[nodiscard]] Vector3 slip_m() const noexcept { return {slip_x_m, slip_y_m, slip_z_m}; }
+};
+
+/// What a full solution says of the tissue in the jaws, with K the stiffness of the held points at
+/// rest, corrected by how the force changed from solution to solution
+/// (elastic::updated_stiffness):
+///
+///   F = f₀ − K (a − a₀) − β K v   a the place of the tool less its slip, v its velocity
+///
+/// as a viscous body balances K x + β K ẋ.
+struct GripModel {
+  std::uint32_t number = 0;                    ///< of the closing
+  std::uint32_t points = 0;                    ///< 0: they hold nothing
+  Vector3 place_m = Vector3::Zero();           ///< of the tool in the solution, less its slip
+  Vector3 velocity_m_per_s = Vector3::Zero();  ///< in the solution
+  Vector3 elastic_force_on_tool_newton = Vector3::Zero();  ///< f₀
+  Matrix3 stiffness_newton_per_m = Matrix3::Identity();
+  double relaxation_s = 0.0;         ///< β
+  double stored_energy_joule = 0.0;  ///< by this law, from where it has no force
+
+  [[nodiscard]] bool is_holding() const noexcept { return points > 0; }
+  [[nodiscard]] Vector3 force_at(const Vector3& at_m, const Vector3& v_m_per_s) const noexcept {
+    return elastic_force_on_tool_newton -
+           stiffness_newton_per_m * (at_m - place_m + relaxation_s * v_m_per_s);
+  }
+};
+
+/// The contact of hop 3. No allocation.
+/// @param at_m  the tool, less its slip
+[[nodiscard]] Contact grip_contact(const GripModel& model, const GripperConfig& gripper,
+                                   std::uint32_t tissue, const Vector3& at_m,
+                                   const Vector3& v_m_per_s, const Vector3& slip_m) noexcept;
+
+/// Takes hold, follows and lets go in full solutions. One thread; allocates.
+class Jaw {
+ public:
+  /// Before a step of the body.
+  void prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+               const JawCommand& command, const std::optional<TipState>& tip);
+  /// After it. Makes the stiffness, where the grips of the body are others than before.
+  /// @param step_s    of the step
+  /// @param changes   of the grips of the body so far
+  /// @param is_alone  no other tool acts on the body
+  /// @throws std::runtime_error  it cannot be made; the jaws have let go
+  void read(ElasticSimulation& simulation, std::size_t tool, elastic::SurfaceCompliance& compliance,
+            double step_s, std::uint64_t changes, bool is_alone);
+  [[nodiscard]] const GripModel& model() const noexcept { return model_; }
+  /// Closings and openings that changed what is held.
+  [[nodiscard]] std::uint64_t changes() const noexcept { return changes_; }
+
+ private:
+  void let_go(ElasticSimulation& simulation, std::size_t tool);
+
+  GripModel model_;
+  /// A solution that K has been made for, or in which the tool stood still: the place, with what
+  /// viscosity adds to it, and the force on the tool.
+  Vector3 seen_m_ = Vector3::Zero();
+  Vector3 seen_newton_ = Vector3::Zero();
+  std::uint64_t changes_ = 0;
+  std::optional<std::uint64_t> known_;  // changes of the body for which the stiffness was made
+};
+
+/// The jaws of a tool whose slip nobody else decides: they slip by Coulomb's law, tear, and lose
+/// what has slipped out of them. No allocation.
+class SlippingJaw {
+ public:
+  /// @param closing  number of the closing; 0: they are open
+  void set(std::uint32_t closing) noexcept;
+  /// The force on the tool there, after it has slipped, if the model is of this closing.
+  /// @param viscous_ratio  β over the length of a step, where a slip counts for the velocity, too
+  [[nodiscard]] Vector3 act(const GripModel& model, const GripperConfig& gripper,
+                            const Vector3& tip_m, const Vector3& v_m_per_s,
+                            double viscous_ratio = 0.0) noexcept;
+  /// Somebody else decides.
+  void follow(const Vector3& slip_m, bool has_let_go) noexcept;
+  [[nodiscard]] JawCommand command() const noexcept;
+  [[nodiscard]] const Vector3& slip_m() const noexcept { return slip_m_; }
+  /// Closed around what they took.
+  [[nodiscard]] bool holds(const GripModel& model) const noexcept {
+    return is_closed_ && !is_lost_ && model.is_holding() && model.number == number_;
+  }
+
+ private:
+  std::uint32_t number_ = 0;
+  bool is_closed_ = false;
+  bool is_lost_ = false;
+  Vector3 slip_m_ = Vector3::Zero();
+};
+
+}  // namespace palpate::physics

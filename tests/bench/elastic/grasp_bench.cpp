@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// grasp_bench: the force of tissue in the jaws of a gripper along prescribed paths, at the other
+// end of a network, against full solutions with the same constraints every millisecond. Open loop,
+// on a virtual clock: the forces are the same on every machine.
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <fstream>
+#include <functional>
+#include <numbers>
+#include <string>
+#include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "common/session/session_file.h"
+#include "physics_node/elastic_tissue/elastic_reference.h"
+#include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "tests/bench/bench_output.h"
+#include "tests/bench/elastic/delayed_force.h"
+
+namespace {
+
+using namespace palpate;
+using bench::BenchOptions;
+using bench::Table;
+using State = mofc::HeldTissue::State;
+
+constexpr double kTick_s = 1e-3;
+constexpr double kClose_s = 0.2;  // the tip rests on the tissue
+constexpr double kPull_s = 0.6;
+constexpr double kOpen_s = 2.4;
+constexpr double kSeconds = 2.6;
+constexpr double kLeastTurn = 0.05;  // of the peak: a smaller change of the force is no reversal
+
+struct Path {
+  std::string name;
+  SceneConfig scene;
+  std::function<Vector3(double)> tip_m;
+};
+
+/// Half a period of a cosine from 0 to 1.
+double eased(double share) {
+  return 0.5 * (1.0 - std::cos(std::numbers::pi * std::clamp(share, 0.0, 1.0)));
+}
+
+/// From the surface by `way_m` and back, each way in 0.8 s.
+std::function<Vector3(double)> to_and_fro(const Vector3& from_m, const Vector3& way_m) {
+  return [=](double time_s) {
+    const double there = eased((time_s - kPull_s) / 0.8) - eased((time_s - kPull_s - 1.0) / 0.8);
+    return Vector3(from_m + there * way_m);
+  };
+}
+
+struct Forces {
+  std::vector<Vector3> newton;
+  double peak = 0.0;
+};
+
+Forces reference_of(const Path& path) {
+  physics::ElasticReference reference(physics::elastic_bodies_of(path.scene),
+                                      path.scene.tip_radius_m, kTick_s, path.scene.gripper);
+  Forces forces;
+  for (int tick = -200; kTick_s * tick < kSeconds; ++tick) {
+    const double time_s = kTick_s * tick;
+    physics::SceneForce force;
+    reference.advance(1.0 + time_s, path.tip_m(std::max(0.0, time_s)), force,
+                      time_s >= kClose_s && time_s < kOpen_s);
+    if (tick < 0) continue;
+    forces.newton.push_back(force.force_on_tool_newton);
+    forces.peak = std::max(forces.peak, force.force_on_tool_newton.norm());
+  }
+  return forces;
+}
+
+/// Changes of the direction in which the force along an axis goes, by more than this.
+int reversals_of(const std::vector<Vector3>& newton, double least_newton) {
+  int reversals = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    double turn = newton.front()[axis];  // the last extreme
+    int way = 0;
+    for (const Vector3& now : newton) {
+      const double change = now[axis] - turn;
+      if (way * change > 0.0) {
+        turn = now[axis];
+      } else if (std::abs(change) > least_newton) {
+        reversals += way != 0 ? 1 : 0;
+        way = change > 0.0 ? 1 : -1;
+        turn = now[axis];
+      }
+    }
+  }
+  return reversals;
+}
+
+double p99_of(std::vector<double> values) {
+  const auto place = values.begin() + static_cast<std::ptrdiff_t>(99 * (values.size() - 1) / 100);
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
+}
+
+/// Processor time of a step of the tool while the body is solved on a thread of its own.
+double step_p99_us(const Path& path) {
+  constexpr int kSteps = 5000;
+  const auto tissues = physics::ElasticTissues::of(path.scene, 1, physics::ElasticPace::kThread);
+  std::vector<double> us;
+  for (int tick = 0; us.size() < kSteps; ++tick) {
+    physics::SceneForce force;
+    const double begin_s = bench::thread_time_s();
+    tissues->step(0, path.tip_m(0.0), kTick_s * tick, 0.05, force, {.is_closed = tick > 10});
+    if (force.listed_count > 0 && force.contacts[0].grip.number != 0) {
+      us.push_back(1e6 * (bench::thread_time_s() - begin_s));
+    }
+    std::this_thread::yield();
+  }
+  return p99_of(std::move(us));
+}
+
+/// When the jaws have lost the tissue [s]; < 0: never.
+double lost_at_s(const std::vector<State>& grip) {
+  const auto lost = std::find_if(grip.begin(), grip.end(), [](State state) {
+    return state == State::kTorn || state == State::kSlipped;
+  });
+  return lost == grip.end() ? -1.0 : kTick_s * static_cast<double>(lost - grip.begin());
+}
+
+std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
+  const Vector3 from_m(0.003, 0.002, tip_z_m);
+  const auto with = [&](double slip_newton, double tear_newton) {
+    SceneConfig scene = base;
+    scene.gripper->reach_m = 2.0 * base.tip_radius_m;
+    scene.gripper->friction_coefficient = 0.5;
+    scene.gripper->jaw_newton = 2.0 * slip_newton;
+    scene.gripper->tear_newton = tear_newton;
+    return scene;
+  };
+  return {{"hold, 5 mm", with(100, 100), to_and_fro(from_m, {0, 0, 0.005})},
+          {"retract 30 mm", with(100, 100), to_and_fro(from_m, {0, 0, 0.030})},
+          {"retract aside, 20 mm", with(100, 100), to_and_fro(from_m, {0.015, 0, 0.013})},
+          {"slip", with(0.8, 100), to_and_fro(from_m, {0, 0, 0.020})},
+          {"tear", with(100, 0.8), to_and_fro(from_m, {0, 0, 0.020})}};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "The force of tissue in the jaws of a gripper, at the other end of a network, against full "
+      "solutions with the same constraints every 1 ms. Open loop, virtual time.",
+      "grasp_bench"};
+  BenchOptions options;
+  std::string only;
+  std::string mesh;
+  app.add_option("--only", only, "Only the paths whose name contains this text");
+  app.add_option("--mesh", mesh,
+                 "Another mesh than that of the session `retract`, its top at z = 0, for instance "
+                 "of `palpate make-organ --block FILE --cells N`");
+  std::string trace_file;
+  app.add_option("--trace", trace_file,
+                 "File for the last path: tick, force [N], reference [N], state of the jaws");
+  return bench::run_bench(app, options, argc, argv, [&] {
+    SceneConfig base =
+        load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/retract.txtpb").scene;
+    if (!mesh.empty()) std::get<FileGeometry>(base.tissues.front().geometry).file = mesh;
+    if (options.is_quick) std::get<ElasticMaterial>(base.tissues.front().material).is_linear = true;
+    Table table({{"path", "path", ""},
+                 {"delay_ms", "each way ms", "{:.0f}"},
+                 {"loss_ratio", "loss", "{:.1f}"},
+                 {"peak_newton", "peak N", "{:.2f}"},
+                 {"error_ratio", "rms error/peak", "{:.4f}"},
+                 {"excess_reversals", "excess reversals", "{:.0f}"},
+                 {"lost_s", "lost at s", "{:.3f}"},
+                 {"points", "points", "{:.0f}"},
+                 {"physics_step_us", "physics step p99 us", "{:.2f}"},
+                 {"mofc_step_us", "mofc step p99 us", "{:.2f}"}});
+    for (const Path& path : paths_of(base, base.tip_radius_m - 2e-4)) {
+      if (path.name.find(only) == std::string::npos) continue;
+      const Forces ideal = reference_of(path);
+      for (const bool is_far : {false, true}) {
+        const bench::Network network{
+            .delay_s = is_far ? 0.05 : 0.0,
+            .loss_ratio = is_far ? 0.2 : 0.0,
+            .is_closed = [](double t_s) { return t_s >= kClose_s && t_s < kOpen_s; }};
+        const bench::DelayedForces found =
+            bench::delayed_forces(path.scene, path.tip_m, kSeconds, 300, network);
+        if (!trace_file.empty()) {
+          std::ofstream out(trace_file);
+          for (std::size_t i = 0; i < ideal.newton.size(); ++i) {
+            out << i << ' ' << found.newton[i].transpose() << "  " << ideal.newton[i].transpose()
+                << "  " << static_cast<int>(found.grip[i]) << '\n';
+          }
+        }
+        double error2 = 0.0;
+        for (std::size_t i = 0; i < ideal.newton.size(); ++i) {
+          error2 += (found.newton[i] - ideal.newton[i]).squaredNorm();
+        }
+        table.add({path.name, 1e3 * network.delay_s, network.loss_ratio, ideal.peak,
+                   std::sqrt(error2 / static_cast<double>(ideal.newton.size())) / ideal.peak,
+                   static_cast<double>(reversals_of(found.newton, kLeastTurn * ideal.peak) -
+                                       reversals_of(ideal.newton, kLeastTurn * ideal.peak)),
+                   lost_at_s(found.grip), static_cast<double>(found.points_held), step_p99_us(path),
+                   p99_of(found.us)});
+      }
+    }
+    table.publish(options);
+  });
+}

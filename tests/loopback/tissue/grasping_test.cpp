@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// A gripper in the whole loop, on virtual time.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "common/session/session_file.h"
+#include "deploy/lockstep/lockstep.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+
+Session shipped(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/" + name + ".txtpb",
+                      overrides);
+}
+
+struct Recording {
+  std::vector<TickRow> rows;
+  MofcCounters mofc;
+
+  [[nodiscard]] const TickRow& last() const { return rows.back(); }
+};
+
+Recording run(const Session& session, Duration length, bool has_ideal) {
+  Recording result;
+  Lockstep lockstep(
+      session, {.has_ideal = has_ideal},
+      [&](const TickRow& row, const IdealState& /*ideal*/) { result.rows.push_back(row); });
+  lockstep.run_until(length);
+  result.mofc = lockstep.mofc_counters();
+  return result;
+}
+
+// The hand holds the block while physics says what it likes of that.
+TEST(Grasping, ALyingGripGivesTheHandNothing) {
+  const Recording clamped =
+      run(shipped("hostile_grasp", {"adversary.physics=lying_grip"}), 600ms, false);
+  const Recording unlimited =
+      run(shipped("hostile_grasp",
+                  {"adversary.physics=lying_grip", "mofc.controller=none", "device.monitor=off"}),
+          600ms, false);
+
+  EXPECT_GE(clamped.last().device.minimum_true_energy_joule, -1e-6);
+  EXPECT_LT(unlimited.last().device.minimum_true_energy_joule, -1e-3);
+  EXPECT_EQ(clamped.mofc.interaction.rejected, 0U);
+  EXPECT_GT(clamped.mofc.grips, 0U);
+}
+
+/// `retract` with the linear elements of its mesh, twice as fast.
+Recording retracted(const std::vector<std::string>& overrides) {
+  std::vector<std::string> all{"scene.tissue[0].elastic.linear_elements=true",
+                               "hand.sinusoid.frequency_hz.z=0.5", "hand.press[0].from_s=0.9",
+                               "hand.press[0].until_s=3"};
+  all.insert(all.end(), overrides.begin(), overrides.end());
+  return run(shipped("retract", all), 3200ms, true);
+}
+
+void expect_a_held_pull(const Recording& pull, double most_error_ratio) {
+  double error2 = 0.0;
+  double peak = 0.0;
+  std::size_t held = 0;
+  for (const TickRow& row : pull.rows) {
+    if (!row.mofc || row.mofc->grip != GripState::kHolds) continue;
+    ++held;
+    const double ideal = row.ideal_force_on_hand_newton.z();
+    error2 += std::pow(row.device.force_on_hand_newton.z() - ideal, 2);
+    peak = std::max(peak, std::abs(ideal));
+  }
+  EXPECT_GT(held, 1800U);
+  EXPECT_GT(peak, 0.5);
+  EXPECT_LT(std::sqrt(error2 / static_cast<double>(held)) / peak, most_error_ratio);
+  EXPECT_EQ(pull.mofc.grips, 1U);
+  EXPECT_EQ(pull.mofc.grips_torn + pull.mofc.grips_slipped, 0U);
+  // nothing is left on the hand
+  EXPECT_EQ(pull.last().mofc->grip, GripState::kNone);
+  EXPECT_GE(pull.last().device.minimum_true_energy_joule, -1e-6);
+}
+
+TEST(Grasping, RetractsTissueAsTheFullSolutionDoes) { expect_a_held_pull(retracted({}), 0.05); }
+
+TEST(Grasping, DelayAndLossDoNotChangeHowHeldTissueFeels) {
+  std::vector<std::string> network;
+  for (const char* link : {"tool_motion", "interaction"}) {
+    network.push_back(std::string("faults.") + link + ".delay_ms=50");
+    network.push_back(std::string("faults.") + link + ".loss_ratio=0.2");
+  }
+  expect_a_held_pull(retracted(network), 0.05);
+}
+
+}  // namespace
+}  // namespace palpate
