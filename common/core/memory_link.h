@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <functional>
+#include <utility>
 #include <vector>
 
 #include "common/core/clock.h"
@@ -58,9 +59,10 @@ class MemoryLink final : public Sender<T>, public Source<T> {
   };
 
   void grow() {
-    std::rotate(ring_.begin(), ring_.begin() + static_cast<std::ptrdiff_t>(first_), ring_.end());
+    std::vector<Slot> larger(std::min(capacity_, 2 * ring_.size()));
+    for (std::size_t i = 0; i < count_; ++i) larger[i] = ring_[(first_ + i) % ring_.size()];
+    ring_ = std::move(larger);
     first_ = 0;
-    ring_.resize(std::min(capacity_, 2 * ring_.size()));
   }
 
   const Clock& clock_;
