@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mofc_node/tissue/held_tissue.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -33,7 +32,8 @@ void HeldTissue::take(const Contact& contact, const Interaction& newest, const V
   const Law law{.place_m = newest.tool_position_world_m - contact.grip.slip_m,
                 .force_newton = contact.elastic_force_on_tool_newton,
                 .stiffness_newton_per_m = -contact.d_force_d_position,
-                .damping_newton_s_per_m = -contact.d_force_d_velocity};
+                .damping_newton_s_per_m = -contact.d_force_d_velocity,
+                .stored_joule = contact.stored_energy_joule};
   const Vector3 before =
       is_held_ ? Vector3(law_.at(at_m, velocity) + offset_newton_) : Vector3::Zero();
   offset_newton_ = before - law.at(at_m, velocity);
@@ -81,7 +81,8 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   state_ = slip.slip_m.isZero(0.0) ? State::kHolds : State::kSlips;
   if (newton.norm() > grip.tear_newton) lose(State::kTorn);
   if (!(report_->slip_m.norm() <= grip.reach_m)) lose(State::kSlipped);
-  const double joule = 0.5 * newton.dot(law_.stiffness_newton_per_m.inverse() * newton);
+  const double joule =
+      std::max(0.0, law_.stored_joule_at(tool_position_world_m - report_->slip_m));
   if (!is_held_ || !newton.allFinite() || !std::isfinite(joule)) return {};
   return {.force_on_tool_newton = newton, .stored_energy_joule = joule, .is_touching = true};
 }

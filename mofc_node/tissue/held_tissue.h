@@ -50,10 +50,16 @@ class HeldTissue {
     Vector3 force_newton = Vector3::Zero();
     Matrix3 stiffness_newton_per_m = Matrix3::Identity();
     Matrix3 damping_newton_s_per_m = Matrix3::Zero();
+    double stored_joule = 0.0;  // there
 
     [[nodiscard]] Vector3 at(const Vector3& place, const Vector3& velocity) const noexcept {
       return force_newton - stiffness_newton_per_m * (place - place_m) -
              damping_newton_s_per_m * velocity;
+    }
+    [[nodiscard]] double stored_joule_at(const Vector3& place) const noexcept {
+      const Vector3 way_m = place - place_m;
+      return stored_joule - way_m.dot(force_newton) +
+             0.5 * way_m.dot(stiffness_newton_per_m * way_m);
     }
   };
   void take(const Contact& contact, const Interaction& newest, const Vector3& at_m,

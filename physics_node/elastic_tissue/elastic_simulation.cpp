@@ -140,6 +140,14 @@ std::size_t ElasticSimulation::hold(std::size_t tool, const Vector3& at_m, doubl
   return held.size();
 }
 
+double ElasticSimulation::stored_joule() const noexcept {
+  double joule = report_.elastic_joule + report_.gravity_joule;
+  for (const elastic::HeldPoints& one : tips_.held) {
+    joule += one.stored_joule(dynamics_.x_m().data());
+  }
+  return joule;
+}
+
 /// Moves the sphere towards its tip, and looks at the surface on the way, so that each point is
 /// seen before it is inside. False: it is not there yet.
 bool ElasticSimulation::follow(std::size_t tool, const TipState& tip) {

@@ -63,6 +63,9 @@ class ElasticSimulation {
   /// By tool. @pre  one that holds has a TipState in every step
   [[nodiscard]] const std::vector<elastic::HeldPoints>& held() const noexcept { return tips_.held; }
 
+  /// Elastic, of weight and in jaws: what the body would give back if it were moved slowly.
+  [[nodiscard]] double stored_joule() const noexcept;
+
   struct Touch {
     bool is_near = false;                ///< the tip may touch within the next steps
     bool is_arriving = false;            ///< the tip appeared inside, the sphere is on its way

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "physics_node/elastic_tissue/jaw.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <stdexcept>
 
@@ -14,6 +13,9 @@ constexpr double kHeldPenetration_m = 1.0;  // a contact that the tool does not 
 constexpr double kHeldTrust_m = 1.0;
 // What a slower tool feels change is creep, not stiffness.
 constexpr double kStill_m_per_s = 2e-3;
+// Of what was dissipated in the steps before, in a step.
+constexpr double kRemembered = 0.8;
+constexpr double kLongestRelaxation = 50.0;  // of the viscosity of the body
 
 }  // namespace
 
@@ -60,6 +62,23 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
                                              gripper.most_points, gripper.stiffness_newton_per_m);
   model_.points = static_cast<std::uint32_t>(points);
   changes_ += points > 0 ? 1U : 0U;
+  closed_joule_ = simulation.stored_joule();
+  lost_joule_ = expected_joule_ = 0.0;
+}
+
+/// The work of the tool in a step, less what the body has stored: K at rest does not know how fast
+/// tissue is stretched that is stretched far already.
+void Jaw::watch_losses(const Seen& now, double beta_s, double step_s) {
+  const Vector3& v = now.velocity_m_per_s;
+  const Vector3 newton = 0.5 * (last_.force_on_tool_newton + now.force_on_tool_newton);
+  const double lost_joule = -newton.dot(now.place_m - last_.place_m) -
+                            (now.stored_joule - last_.stored_joule) -
+                            (now.kinetic_joule - last_.kinetic_joule);
+  lost_joule_ = kRemembered * lost_joule_ + lost_joule;
+  expected_joule_ = kRemembered * expected_joule_ +
+                    beta_s * step_s * v.dot(model_.stiffness_newton_per_m * v);
+  if (!(expected_joule_ > 0.0)) return;
+  model_.relaxation_s = beta_s * std::clamp(lost_joule_ / expected_joule_, 1.0, kLongestRelaxation);
 }
 
 void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
@@ -67,12 +86,15 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
                bool is_alone) {
   if (!model_.is_holding()) return;
   const elastic::HeldPoints& held = simulation.held()[tool];
-  const Vector3 newton = simulation.touch(tool).force_on_tool_newton;
   Matrix3& K = model_.stiffness_newton_per_m;
   const double beta_s = simulation.body().viscosity_s;
-  const Vector3 velocity = (held.place_m() - model_.place_m) / step_s;
-  const Vector3 at_m = held.place_m() + beta_s * velocity;
-  bool is_seen = true;
+  const Seen now{.place_m = held.place_m(),
+                 .velocity_m_per_s = (held.place_m() - model_.place_m) / step_s,
+                 .force_on_tool_newton = simulation.touch(tool).force_on_tool_newton,
+                 .stored_joule = simulation.stored_joule(),
+                 .kinetic_joule = simulation.report().kinetic_joule};
+  const bool is_still = now.velocity_m_per_s.norm() <= kStill_m_per_s;
+  bool is_explained = !is_alone || is_still;
   if (known_ != changes) {
     try {
       K = elastic::grip_stiffness_newton_per_m(compliance, held, simulation.held());
@@ -81,23 +103,25 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
       throw;
     }
     known_ = changes;
-  } else if (is_alone && velocity.norm() > kStill_m_per_s &&
-             (at_m - seen_m_).norm() > elastic::kShortestWay_m) {
-    K = elastic::updated_stiffness(K, at_m - seen_m_, seen_newton_ - newton);
-  } else {
-    is_seen = !is_alone || velocity.norm() <= kStill_m_per_s;
+    model_.relaxation_s = beta_s;
+    is_explained = true;
+  } else if (is_alone && !is_still) {
+    watch_losses(now, beta_s, step_s);
+    const Vector3 way_m = now.way_m(explained_, model_.relaxation_s);
+    if (way_m.norm() > elastic::kShortestWay_m) {
+      K = elastic::updated_stiffness(
+          K, way_m, explained_.force_on_tool_newton - now.force_on_tool_newton);
+      is_explained = true;
+    }
   }
-  if (is_seen) {
-    seen_m_ = at_m;
-    seen_newton_ = newton;
-  }
-  model_.place_m = held.place_m();
-  model_.velocity_m_per_s = velocity;
-  model_.relaxation_s = beta_s;
-  Vector3& elastic_newton = model_.elastic_force_on_tool_newton;
-  elastic_newton = newton + beta_s * K * velocity;
-  model_.stored_energy_joule = 0.5 * elastic_newton.dot(K.inverse() * elastic_newton);
-  if (!newton.allFinite() || !K.allFinite()) let_go(simulation, tool);
+  if (is_explained) explained_ = now;
+  last_ = now;
+  model_.place_m = now.place_m;
+  model_.velocity_m_per_s = now.velocity_m_per_s;
+  model_.elastic_force_on_tool_newton =
+      now.force_on_tool_newton + model_.relaxation_s * K * now.velocity_m_per_s;
+  model_.stored_energy_joule = std::max(0.0, now.stored_joule - closed_joule_);
+  if (!now.force_on_tool_newton.allFinite() || !K.allFinite()) let_go(simulation, tool);
 }
 
 void SlippingJaw::set(std::uint32_t closing) noexcept {

@@ -36,9 +36,10 @@ struct JawCommand {
 /// rest, corrected by how the force changed from solution to solution
 /// (elastic::updated_stiffness):
 ///
-///   F = f₀ − K (a − a₀) − β K v   a the place of the tool less its slip, v its velocity
+///   F = f₀ − K (a − a₀) − τ K v   a the place of the tool less its slip, v its velocity
 ///
-/// as a viscous body balances K x + β K ẋ.
+/// as a viscous body balances K x + β K ẋ; τ is more than its β where the tissue at the jaws is
+/// stretched far.
 struct GripModel {
   std::uint32_t number = 0;                    ///< of the closing
   std::uint32_t points = 0;                    ///< 0: they hold nothing
@@ -46,8 +47,8 @@ struct GripModel {
   Vector3 velocity_m_per_s = Vector3::Zero();  ///< in the solution
   Vector3 elastic_force_on_tool_newton = Vector3::Zero();  ///< f₀
   Matrix3 stiffness_newton_per_m = Matrix3::Identity();
-  double relaxation_s = 0.0;         ///< β
-  double stored_energy_joule = 0.0;  ///< by this law, from where it has no force
+  double relaxation_s = 0.0;         ///< τ
+  double stored_energy_joule = 0.0;  ///< in the body, since they closed
 
   [[nodiscard]] bool is_holding() const noexcept { return points > 0; }
   [[nodiscard]] Vector3 force_at(const Vector3& at_m, const Vector3& v_m_per_s) const noexcept {
@@ -80,13 +81,29 @@ class Jaw {
   [[nodiscard]] std::uint64_t changes() const noexcept { return changes_; }
 
  private:
+  /// What a solution says of the jaws.
+  struct Seen {
+    Vector3 place_m = Vector3::Zero();
+    Vector3 velocity_m_per_s = Vector3::Zero();
+    Vector3 force_on_tool_newton = Vector3::Zero();
+    double stored_joule = 0.0;
+    double kinetic_joule = 0.0;
+
+    /// Of the spring alone, from `before` until this, if viscosity acts for τ.
+    [[nodiscard]] Vector3 way_m(const Seen& before, double tau_s) const {
+      return place_m - before.place_m + tau_s * (velocity_m_per_s - before.velocity_m_per_s);
+    }
+  };
   void let_go(ElasticSimulation& simulation, std::size_t tool);
+  void watch_losses(const Seen& now, double beta_s, double step_s);
 
   GripModel model_;
-  /// A solution that K has been made for, or in which the tool stood still: the place, with what
-  /// viscosity adds to it, and the force on the tool.
-  Vector3 seen_m_ = Vector3::Zero();
-  Vector3 seen_newton_ = Vector3::Zero();
+  double closed_joule_ = 0.0;  // in the body, when they closed
+  Seen last_;                  // the solution before
+  Seen explained_;  // one that K has been made for, or in which the tool stood still
+  // of late: what the body has dissipated, and what β K v would have
+  double lost_joule_ = 0.0;
+  double expected_joule_ = 0.0;
   std::uint64_t changes_ = 0;
   std::optional<std::uint64_t> known_;  // changes of the body for which the stiffness was made
 };

@@ -43,17 +43,23 @@ Vector3d HeldPoints::add_forces_on_body(const double* x_m,
   return sum;
 }
 
-double HeldPoints::add_gradient(const double* x_m, double* gradient) const noexcept {
+double HeldPoints::stored_joule(const double* x_m) const noexcept {
   double joule = 0.0;
   for (const Held& one : held_) {
+    joule += 0.5 * newton_per_m_ * (one.point.position_m(x_m) - at_m_ - one.away_m).squaredNorm();
+  }
+  return joule;
+}
+
+double HeldPoints::add_gradient(const double* x_m, double* gradient) const noexcept {
+  for (const Held& one : held_) {
     const Vector3d stretch_m = one.point.position_m(x_m) - at_m_ - one.away_m;
-    joule += 0.5 * newton_per_m_ * stretch_m.squaredNorm();
     for (std::size_t a = 0; a < static_cast<std::size_t>(one.point.count); ++a) {
       Eigen::Map<Vector3d>(gradient + 3 * std::size_t{one.point.nodes[a]}) +=
           newton_per_m_ * one.point.weights[a] * stretch_m;
     }
   }
-  return joule;
+  return stored_joule(x_m);
 }
 
 void HeldPoints::add_stiffness(const BlockPattern& pattern, BlockValues& values) const {

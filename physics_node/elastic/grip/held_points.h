@@ -31,6 +31,9 @@ class HeldPoints {
   /// act on the tool
   Vector3d add_forces_on_body(const double* x_m, std::span<Vector3d> forces_newton) const noexcept;
 
+  /// In the springs.
+  [[nodiscard]] double stored_joule(const double* x_m) const noexcept;
+
   // as an obstacle; see obstacle.h
   double add_gradient(const double* x_m, double* gradient) const noexcept;
   void add_stiffness(const BlockPattern& pattern, BlockValues& values) const;

@@ -61,9 +61,9 @@ struct Forces {
   double peak = 0.0;
 };
 
-Forces reference_of(const Path& path) {
+Forces reference_of(const Path& path, double step_s) {
   physics::ElasticReference reference(physics::elastic_bodies_of(path.scene),
-                                      path.scene.tip_radius_m, kTick_s, path.scene.gripper);
+                                      path.scene.tip_radius_m, step_s, path.scene.gripper);
   Forces forces;
   for (int tick = -200; kTick_s * tick < kSeconds; ++tick) {
     const double time_s = kTick_s * tick;
@@ -159,6 +159,9 @@ int main(int argc, char** argv) {
   app.add_option("--mesh", mesh,
                  "Another mesh than that of the session `retract`, its top at z = 0, for instance "
                  "of `palpate make-organ --block FILE --cells N`");
+  double reference_ms = 1e3 * kTick_s;
+  app.add_option("--reference-ms", reference_ms, "Between two full solutions of the reference")
+      ->check(CLI::Range(0.1, 20.0));
   std::string trace_file;
   app.add_option("--trace", trace_file,
                  "File for the last path: tick, force [N], reference [N], state of the jaws");
@@ -179,7 +182,7 @@ int main(int argc, char** argv) {
                  {"mofc_step_us", "mofc step p99 us", "{:.2f}"}});
     for (const Path& path : paths_of(base, base.tip_radius_m - 2e-4)) {
       if (path.name.find(only) == std::string::npos) continue;
-      const Forces ideal = reference_of(path);
+      const Forces ideal = reference_of(path, 1e-3 * reference_ms);
       for (const bool is_far : {false, true}) {
         const bench::Network network{
             .delay_s = is_far ? 0.05 : 0.0,
