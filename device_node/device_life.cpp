@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A device's way to a force and back: acknowledgement, check of the motors, faults, release.
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <chrono>
+#include <string>
 
+#include "common/core/check.h"
 #include "device_node/device_node.h"
 
 namespace palpate::device {
@@ -15,6 +19,44 @@ constexpr Duration kReopenEvery = std::chrono::milliseconds(500);
 constexpr Duration kResetWithin = std::chrono::milliseconds(500);
 
 }  // namespace
+
+double largest_force_newton(const DeviceConfig& config,
+                            const DeviceSpecification& specification) noexcept {
+  const bool may_exceed_friction =
+      specification.has_motor_watchdog || config.accepts_no_motor_watchdog;
+  return may_exceed_friction
+             ? specification.peak_force_newton
+             : std::min(specification.peak_force_newton, config.profile.coulomb_newton);
+}
+
+void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
+                        bool is_unsafe) {
+  if (config.monitor.is_on || specification.is_simulated || is_unsafe) return;
+  throw SetupError("device.monitor: off: device \"" + specification.model_name +
+                   "\" is real, and a clamp that fails could move the hand with full force; leave "
+                   "the field out, or give --unsafe");
+}
+
+void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification& specification) {
+  if (!config.dead_man_button || *config.dead_man_button < specification.button_count) return;
+  throw SetupError(
+      "device.dead_man_button: " + std::to_string(*config.dead_man_button) + ": device \"" +
+      specification.model_name + "\" has " + std::to_string(specification.button_count) +
+      " buttons, counted from 0, and no force would ever act; give one of them, or leave it out");
+}
+
+void refuse_unlikely_friction(const DeviceConfig& config,
+                              const DeviceSpecification& specification) {
+  const double most_newton = kMostFriction_ratio * specification.peak_force_newton;
+  if (specification.is_simulated || config.profile.coulomb_newton <= most_newton) return;
+  throw SetupError(fmt::format(
+      "device.profile.coulomb_newton: {:g} N: device \"{}\" has motors of {:g} N, and of a "
+      "friction "
+      "of more than a quarter of that, {:g} N, it is not believed that it absorbs what the motors "
+      "do; measure it with palpate identify",
+      config.profile.coulomb_newton, specification.model_name, specification.peak_force_newton,
+      most_newton));
+}
 
 /// No command and no push of the check is stronger.
 double DeviceNode::motor_limit_newton() const noexcept {
@@ -125,10 +167,13 @@ bool DeviceNode::calibrate_or_enable() noexcept {
 /// confirms its release with it.
 bool DeviceNode::reset_fault() noexcept {
   const bool has_lost_calibration = device_.phase() == DevicePhase::kConnected;
+  const bool was_released = is_released_;
   const bool is_reached = device_.reopen(kResetWithin) && release_once();
   const bool may_be_silent =
       !device_.specification().answers_uncalibrated && device_.phase() == DevicePhase::kConnected;
   if (!is_reached && !may_be_silent) return false;
+  // nobody could know that it would be back
+  if (is_reached && !was_released) return false;
   fault_ = FaultReason::kNone;
   ++counters_.fault_resets;
   if (device_.phase() == DevicePhase::kCalibrated) {

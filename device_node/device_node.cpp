@@ -5,8 +5,6 @@
 #include <chrono>
 #include <cmath>
 
-#include "common/core/check.h"
-
 namespace palpate::device {
 
 namespace {
@@ -39,31 +37,6 @@ FaultReason reason_of(DeviceError error, FaultReason otherwise) {
 }
 
 }  // namespace
-
-double largest_force_newton(const DeviceConfig& config,
-                            const DeviceSpecification& specification) noexcept {
-  const bool may_exceed_friction =
-      specification.has_motor_watchdog || config.accepts_no_motor_watchdog;
-  return may_exceed_friction
-             ? specification.peak_force_newton
-             : std::min(specification.peak_force_newton, config.profile.coulomb_newton);
-}
-
-void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
-                        bool is_unsafe) {
-  if (config.monitor.is_on || specification.is_simulated || is_unsafe) return;
-  throw SetupError("device.monitor: off: device \"" + specification.model_name +
-                   "\" is real, and a clamp that fails could move the hand with full force; leave "
-                   "the field out, or give --unsafe");
-}
-
-void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification& specification) {
-  if (!config.dead_man_button || *config.dead_man_button < specification.button_count) return;
-  throw SetupError(
-      "device.dead_man_button: " + std::to_string(*config.dead_man_button) + ": device \"" +
-      specification.model_name + "\" has " + std::to_string(specification.button_count) +
-      " buttons, counted from 0, and no force would ever act; give one of them, or leave it out");
-}
 
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
                        Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,

@@ -67,6 +67,13 @@ void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& s
 /// @throws SetupError  the session's dead-man button is none of the device's
 void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification& specification);
 
+/// @throws SetupError  the friction of the profile is more than kMostFriction_ratio of the peak
+/// force
+void refuse_unlikely_friction(const DeviceConfig& config, const DeviceSpecification& specification);
+/// Forces up to f_co need neither a motor watchdog nor a check of the motors: so a friction that is
+/// none would open the way for a force that nobody checked.
+inline constexpr double kMostFriction_ratio = 0.25;
+
 class DeviceNode {
  public:
   /// All references must outlive the node.

@@ -2,6 +2,7 @@
 #include "device_node/post_mortem.h"
 
 #include <algorithm>
+#include <boost/crc.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -21,8 +22,11 @@ constexpr const char* kState = "#state ";
 constexpr const char* kEntry = "#entry ";
 constexpr const char* kWire = "#wire ";
 constexpr const char* kVersion = "#version ";
+constexpr const char* kEnd = "#end ";  // and the checksum of all lines with # before it
 constexpr std::size_t kTicksShown = 12;
 constexpr std::size_t kTransfersShown = 12;
+
+using Checksum = boost::crc_32_type;
 
 template <class Value>
 std::string text_of(Value value) {
@@ -155,9 +159,17 @@ void PostMortem::take(Journal& journal) {
   }
 }
 
-void PostMortem::write(std::ostream& out, const std::string& device) const {
+void PostMortem::write(std::ostream& file, const std::string& device) const {
+  std::ostringstream out;
   out << kVersion << version() << '\n' << kDevice << device << '\n';
-  if (states_.empty()) return;
+  if (!states_.empty()) write_window(out);
+  const std::string text = std::move(out).str();
+  Checksum sum;
+  sum.process_bytes(text.data(), text.size());
+  file << text << kEnd << sum.checksum() << '\n';
+}
+
+void PostMortem::write_window(std::ostream& out) const {
   out << kState << text_of(states_.front()) << '\n';
   for (const JournalEntry& entry : entries_) out << kEntry << text_of(entry) << '\n';
   constexpr char kDigits[] = "0123456789abcdef";
@@ -188,6 +200,7 @@ FaultFile read_fault_file(const std::string& file) {
   FaultFile read;
   std::string line;
   int number = 0;
+  Checksum sum;
   const auto refuse = [&](const std::string& rule) {
     throw SetupError(file + ":" + std::to_string(number) + ": " + rule +
                      "; the file is damaged, or of another version" +
@@ -196,6 +209,12 @@ FaultFile read_fault_file(const std::string& file) {
   };
   while (std::getline(in, line)) {
     ++number;
+    if (read.is_whole) refuse("nothing follows the end");
+    const auto end = after(line, kEnd);
+    if (!end && !line.empty() && line.front() == '#') {
+      sum.process_bytes(line.data(), line.size());
+      sum.process_byte('\n');
+    }
     if (number == 1) {
       if (!after(line, kFirstColumn))
         refuse("not the columns of a flight recording of device_node (sequence,sampled_at_ns,…)");
@@ -206,6 +225,11 @@ FaultFile read_fault_file(const std::string& file) {
         refuse(std::to_string(read.ticks.back().size()) + " values, not one for each of the " +
                std::to_string(read.columns.size()) + " columns");
       }
+    } else if (end) {
+      if (*end != std::to_string(sum.checksum())) {
+        refuse("the lines with # are not those that were written: their checksum is another one");
+      }
+      read.is_whole = true;
     } else if (const auto written_by = after(line, kVersion)) {
       read.written_by = *written_by;
     } else if (const auto device = after(line, kDevice)) {
@@ -238,7 +262,7 @@ FaultFile read_fault_file(const std::string& file) {
       next.at = TimePoint(Duration(at_ns));
       next.is_sent = direction == ">";
     } else {
-      refuse("begins with # and is none of version, device, state, entry, wire");
+      refuse("begins with # and is none of version, device, state, entry, wire, end");
     }
   }
   if (number == 0) throw SetupError(file + ": empty; give a file flight-device-….csv");
@@ -247,6 +271,7 @@ FaultFile read_fault_file(const std::string& file) {
 
 Recomputed recompute_fault(const FaultFile& file) {
   Recomputed out;
+  out.is_whole = file.is_whole;
   JournalState state = file.state.value_or(any_state());
   std::uint64_t index = state.index;
   // the last of the calls that judge readings: as computed here, and as the file says
@@ -323,6 +348,9 @@ std::string fault_text(const FaultFile& file, const Recomputed& recomputed) {
   out << '\n';
 
   out << "recomputed  " << recomputed_text(file, recomputed);
+  if (!file.is_whole) {
+    out << "            the file ends too early: what was written after its last line is missing\n";
+  }
 
   // M at each of the last readings, which the ticks of the table do not have
   out << "\nlast readings, ms before the fault, monitor's energy µJ, force N\n";

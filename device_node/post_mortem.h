@@ -32,9 +32,11 @@ class PostMortem {
 
   /// Lines that begin with '#', so that the file stays a table with comments.
   /// @param device  its name and what else a reader should know: one line
-  void write(std::ostream& out, const std::string& device) const;
+  void write(std::ostream& file, const std::string& device) const;
 
  private:
+  void write_window(std::ostream& out) const;
+
   // of 2.5 s at 10 kHz, some calls a tick more than usual; a wire is never so fast
   static constexpr std::size_t kMostEntries = 262'144;
   static constexpr std::size_t kMostTransfers = 32'768;
@@ -60,6 +62,7 @@ struct FaultFile {
   std::optional<JournalState> state;            ///< none: no window
   std::vector<JournalEntry> entries;            ///< after it
   std::vector<Transfer> transfers;
+  bool is_whole = false;  ///< false: it ends before what was written last
 };
 /// Whether a file is meant as a flight recording: by its name, or by its first line as one of
 /// device_node.
@@ -70,7 +73,8 @@ struct FaultFile {
 /// Monitor, frozen watch and jump detection, from the state on.
 struct Recomputed {
   std::size_t entries = 0;
-  std::size_t different = 0;               ///< decided otherwise, or M differs in any bit
+  std::size_t different = 0;  ///< decided otherwise, or M differs in any bit
+  bool is_whole = false;
   bool has_gap = false;                    ///< entries were lost: what follows is not compared
   std::size_t reductions = 0;              ///< of the monitor
   FaultReason fault = FaultReason::kNone;  ///< the last one in the file, compared or not
@@ -79,7 +83,7 @@ struct Recomputed {
   bool is_reproduced = false;
   /// All was compared, and nothing differs.
   [[nodiscard]] bool is_same() const {
-    return entries > 0 && !has_gap && different == 0 && is_reproduced == is_computed;
+    return is_whole && entries > 0 && !has_gap && different == 0 && is_reproduced == is_computed;
   }
 };
 [[nodiscard]] Recomputed recompute_fault(const FaultFile& file);

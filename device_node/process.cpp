@@ -113,8 +113,16 @@ class DevicePrompts {
       : log_(log), calibration_(std::move(calibration)) {}
 
   /// @param vain_acknowledgements  DeviceNode::vain_acknowledgements()
-  void note(DevicePhase phase, std::uint64_t vain_acknowledgements) {
-    const bool is_new = told_.exchange(phase) != phase;
+  /// @param monitor_joule          DeviceNode::monitor_joule()
+  void note(DevicePhase phase, std::uint64_t vain_acknowledgements, double monitor_joule) {
+    const DevicePhase before = told_.exchange(phase);
+    const bool is_new = before != phase;
+    if (before == DevicePhase::kChecking && phase == DevicePhase::kEnabled) {
+      log_.info(
+          "event=motors_checked booked_mj={:.1f}: what the push may have given the hand; little "
+          "above f_co acts until the hand has put it in: press and move, a few times",
+          1e3 * std::min(0.0, monitor_joule));
+    }
     const bool was_in_vain = std::exchange(vain_, vain_acknowledgements) != vain_acknowledgements;
     if (was_in_vain && phase == DevicePhase::kConnected) {
       log_.warn("event=acknowledgement_in_vain: the device did not take its calibration");
@@ -224,6 +232,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   const auto device = driver.open(context.clock, start_up_of(context));
   refuse_unmonitored(session.side().device, device->specification(), context.is_unsafe);
   refuse_missing_button(session.side().device, device->specification());
+  refuse_unlikely_friction(session.side().device, device->specification());
   double friction_ratio = 0.0;
   const DeviceConfig config = checked_config(session, context, *device, friction_ratio);
   if (!config.monitor.is_on) {
@@ -235,6 +244,10 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     context.log.warn("event=no_motor_watchdog device=\"{}\": {}",
                      device->specification().model_name,
                      no_watchdog_text(config.accepts_no_motor_watchdog));
+    if (!config.accepts_no_motor_watchdog) {
+      context.log.info("event=force_limit newton={:g}: f_co, device.profile.coulomb_newton",
+                       config.profile.coulomb_newton);
+    }
   }
 
   if (config.skips_motor_check && !device->specification().is_simulated) {
@@ -275,9 +288,10 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   publisher.peers_refused = [&] { return side.refused().total(); };
   TickWatch ticks_watched;
   std::atomic<std::uint64_t> vain_acknowledgements{0};
+  std::atomic<double> monitor_joule{0.0};
   DevicePrompts prompts(context.log, device->specification().calibration);
   publisher.on_pump = [&](TimePoint now) {
-    prompts.note(counters.load().phase, vain_acknowledgements);
+    prompts.note(counters.load().phase, vain_acknowledgements, monitor_joule);
     if (!context.stop.stop_requested() && ticks_watched.hangs(counters.load().loop.ticks, now)) {
       context.log.error(
           "event=device_hangs: a call of {} has not returned for 2 s, so nothing is read and no "
@@ -310,6 +324,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     const std::uint32_t resets_asked = context.requests.fault_resets;
     if (std::exchange(resets, resets_asked) != resets_asked && prompts.was_told_of(node.phase())) {
       node.acknowledge();
+      // what came while the device was reached for is no answer to what came of it
+      resets = context.requests.fault_resets;
     }
     for (SeenDevice seen; page && page->next(seen);) node.acknowledge(seen);
     node.suspended(suspend.slept());
@@ -317,6 +333,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());
     vain_acknowledgements = node.vain_acknowledgements();
+    monitor_joule = node.monitor_joule();
   });
   const bool is_released =
       released_within(std::chrono::milliseconds(500), context.clock, [&] { return node.stop(); });

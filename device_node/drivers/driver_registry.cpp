@@ -2,6 +2,7 @@
 #include "device_node/drivers/driver_registry.h"
 
 #include "common/core/check.h"
+#include "device_node/drivers/device_claim.h"
 #include "device_node/drivers/falcon/falcon_driver.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
 #include "device_node/drivers/haply/haply_driver.h"
@@ -39,6 +40,23 @@ const char* driver_name(const DriverConfig& driver) {
   return kSimulatedDriver;
 }
 
+namespace {
+
+/// The driver of a real device. The claim on it lasts as long as the driver.
+template <class Config, class Open>
+Driver real(const DriverConfig& driver, Open open) {
+  return {.open = [config = settings<Config>(driver), open, claim = std::shared_ptr<DeviceClaim>()](
+                      const Clock& clock, const StartUp& start_up) mutable {
+    claim.reset();
+    if (const std::string place = place_of(config); !place.empty()) {
+      claim = std::make_shared<DeviceClaim>(place);
+    }
+    return open(config, clock, start_up);
+  }};
+}
+
+}  // namespace
+
 DriverRegistry all_drivers(const DriverOptions& options) {
   DriverRegistry drivers;
   drivers.add(kSimulatedDriver,
@@ -46,26 +64,11 @@ DriverRegistry all_drivers(const DriverOptions& options) {
                            const Clock& clock,
                            const StartUp&) { return open_simulated_device(simulated, clock); },
                .is_simulated = true});
-  drivers.add(kHaplyDriver, {.open = [config = settings<HaplyConfig>(options.driver)](
-                                         const Clock& clock, const StartUp& start_up) {
-                return open_haply(config, clock, start_up);
-              }});
-  drivers.add(kHapiDriver, {.open = [config = settings<HapiConfig>(options.driver)](
-                                        const Clock& clock, const StartUp& start_up) {
-                return open_hapi(config, clock, start_up);
-              }});
-  drivers.add(kFalconDriver, {.open = [config = settings<FalconConfig>(options.driver)](
-                                          const Clock& clock, const StartUp& start_up) {
-                return open_falcon(config, clock, start_up);
-              }});
-  drivers.add(kPluginDriver, {.open = [config = settings<PluginConfig>(options.driver)](
-                                          const Clock& clock, const StartUp& start_up) {
-                return open_plugin(config, clock, start_up);
-              }});
-  drivers.add(kWoodenDriver, {.open = [config = settings<WoodenConfig>(options.driver)](
-                                          const Clock& clock, const StartUp& start_up) {
-                return open_wooden(config, clock, start_up);
-              }});
+  drivers.add(kHaplyDriver, real<HaplyConfig>(options.driver, open_haply));
+  drivers.add(kHapiDriver, real<HapiConfig>(options.driver, open_hapi));
+  drivers.add(kFalconDriver, real<FalconConfig>(options.driver, open_falcon));
+  drivers.add(kPluginDriver, real<PluginConfig>(options.driver, open_plugin));
+  drivers.add(kWoodenDriver, real<WoodenConfig>(options.driver, open_wooden));
   return drivers;
 }
 

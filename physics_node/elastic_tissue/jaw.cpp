@@ -75,8 +75,8 @@ void Jaw::watch_losses(const Seen& now, double beta_s, double step_s) {
                             (now.stored_joule - last_.stored_joule) -
                             (now.kinetic_joule - last_.kinetic_joule);
   lost_joule_ = kRemembered * lost_joule_ + lost_joule;
-  expected_joule_ = kRemembered * expected_joule_ +
-                    beta_s * step_s * v.dot(model_.stiffness_newton_per_m * v);
+  expected_joule_ =
+      kRemembered * expected_joule_ + beta_s * step_s * v.dot(model_.stiffness_newton_per_m * v);
   if (!(expected_joule_ > 0.0)) return;
   model_.relaxation_s = beta_s * std::clamp(lost_joule_ / expected_joule_, 1.0, kLongestRelaxation);
 }
@@ -109,8 +109,8 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
     watch_losses(now, beta_s, step_s);
     const Vector3 way_m = now.way_m(explained_, model_.relaxation_s);
     if (way_m.norm() > elastic::kShortestWay_m) {
-      K = elastic::updated_stiffness(
-          K, way_m, explained_.force_on_tool_newton - now.force_on_tool_newton);
+      K = elastic::updated_stiffness(K, way_m,
+                                     explained_.force_on_tool_newton - now.force_on_tool_newton);
       is_explained = true;
     }
   }

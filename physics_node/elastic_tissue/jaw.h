@@ -100,7 +100,7 @@ class Jaw {
   GripModel model_;
   double closed_joule_ = 0.0;  // in the body, when they closed
   Seen last_;                  // the solution before
-  Seen explained_;  // one that K has been made for, or in which the tool stood still
+  Seen explained_;             // one that K has been made for, or in which the tool stood still
   // of late: what the body has dissipated, and what β K v would have
   double lost_joule_ = 0.0;
   double expected_joule_ = 0.0;

@@ -130,7 +130,8 @@ void write(const Vector3& vector, double* numbers) { std::copy_n(vector.data(), 
 
 Simulation::Target target_of(const palpate_tool& tool) {
   const auto& q = tool.orientation_wxyz;
-  Simulation::Target target{.tool = {.position_m = vector_of(tool.position_m)},
+  Simulation::Target target{.tool = {.position_m = vector_of(tool.position_m),
+                                     .jaw = {.is_closed = tool.are_jaws_closed != 0}},
                             .is_velocity_known = tool.is_velocity_known != 0};
   if (target.is_velocity_known) target.tool.velocity_m_per_s = vector_of(tool.velocity_m_per_s);
   if (q[0] != 0.0 || q[1] != 0.0 || q[2] != 0.0 || q[3] != 0.0) {

@@ -32,6 +32,7 @@ void Simulation::step(std::span<const Target> tools, Duration dt, std::uint32_t 
       if (!tools[i].is_velocity_known) {
         now.velocity_m_per_s = (now.position_m - last.position_m) / to_seconds(dt);
       }
+      now.jaw.velocity_m_per_s = now.velocity_m_per_s;
       if (part < parts) {
         now.position_m = last.position_m + share * (now.position_m - last.position_m);
         now.orientation = last.orientation.slerp(share, now.orientation);

@@ -50,7 +50,28 @@ TaskConfig to_shared_task(const Fields& fields, const Session& session) {
     task.problem(kind.c_str(),
                  "needs physics_node, whose tissue is known; leave it out with physics.command");
   }
-  return to_task(task, session.scene);
+  TaskConfig config = to_task(task, session.scene);
+  if (session.scene.gripper && config.mark_button == session.scene.gripper->button) {
+    task.problem("mark_button",
+                 "must be another button than scene.tool.gripper.button, or each closing of the "
+                 "jaws is a mark");
+  }
+  return config;
+}
+
+/// The jaws have a button of their own.
+void check_buttons(const GripperConfig& gripper, const DeviceConfig& device, const Fields& fields) {
+  if (device.workspace.clutch_button == gripper.button) {
+    fields.message("workspace")
+        .problem(
+            "clutch_button",
+            "must be another button than scene.tool.gripper.button, or no held tissue is felt");
+  }
+  if (device.dead_man_button == gripper.button) {
+    fields.problem("dead_man_button",
+                   "must be another button than scene.tool.gripper.button, or no force acts while "
+                   "the jaws are open");
+  }
 }
 
 /// What all sides share.
@@ -122,6 +143,7 @@ void add_side(const SessionText& text, const std::string& name,
   if (is_real(side.driver)) {
     side.simulated = with_friction_of(side.device.profile, side.simulated);
   }
+  if (session.scene.gripper) check_buttons(*session.scene.gripper, side.device, device);
   side.mofc = to_mofc(mofc, wait_ms, session.physics, side.device);
   if (is_real(side.driver) && side.mofc.controller != ControllerKind::kMofc &&
       !side.mofc.has_safety_net && !side.mofc.accepts_rival) {

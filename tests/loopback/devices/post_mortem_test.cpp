@@ -32,6 +32,7 @@ using device::Journal;
 using device::PostMortem;
 using device::WireFault;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 DeviceConfig monitored_config() {
   DeviceConfig config = device_config();
@@ -284,6 +285,29 @@ TEST(PostMortem, TheTickDoesNotAllocateForIt) {
   EXPECT_TRUE(journal.take(state));
 }
 
+// Wherever the disk was full, or the copy ended.
+TEST(PostMortem, AFileThatEndsTooEarlyIsNotTheSame) {
+  Wired wired(WiredDriver::kHapi,
+              {{.kind = WireFault::kUnplugged, .from_s = 3.0, .length_s = 1.0}});
+  wired.run(3'500);
+  const TempFolder folder;
+  const std::string path = file_of(folder, wired.post_mortem);
+  std::ifstream in(path);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  in.close();
+  EXPECT_TRUE(device::recompute_fault(device::read_fault_file(path)).is_same());
+  for (const std::size_t kept : {lines.size() - 1, lines.size() - 20, lines.size() / 2}) {
+    std::ofstream out(path);
+    for (std::size_t i = 0; i < kept; ++i) out << lines[i] << '\n';
+    out.close();
+    const FaultFile file = device::read_fault_file(path);
+    const device::Recomputed recomputed = device::recompute_fault(file);
+    EXPECT_FALSE(recomputed.is_same());
+    EXPECT_THAT(device::fault_text(file, recomputed), HasSubstr("ends too early"));
+  }
+}
+
 // By its name: without its columns it was taken for a recording.
 TEST(PostMortem, AFileWithoutItsColumnsIsRefusedAsAFlightRecording) {
   const TempFolder folder;
@@ -318,6 +342,14 @@ TEST(PostMortem, ADamagedFileIsRefusedWithItsLine) {
   };
 
   ASSERT_THAT(lines[3], HasSubstr("#state"));
+  ASSERT_THAT(lines.back(), StartsWith("#end "));
+  EXPECT_THAT(refusal(2, "#device another, phase faulted"), HasSubstr("checksum"));
+  ASSERT_THAT(lines[lines.size() - 2], StartsWith("#wire "));
+  std::string other = lines[lines.size() - 2];
+  other.back() = other.back() == '0' ? '1' : '0';
+  EXPECT_THAT(refusal(lines.size() - 2, other), HasSubstr("checksum"));
+  EXPECT_THAT(refusal(lines.size() - 1, lines.back() + "\n#wire 5 > 1 00"),
+              HasSubstr("nothing follows the end"));
   EXPECT_THAT(refusal(3, lines[3].substr(0, lines[3].size() / 2)), HasSubstr("damaged.csv:4: "));
   EXPECT_THAT(refusal(3, "#state 1 2 three"), HasSubstr("the state is not complete"));
   EXPECT_THAT(refusal(4, "#entry 0 200"), HasSubstr("damaged.csv:5: the entry is not complete"));

@@ -88,6 +88,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "clutch_button",
       "dead_man_button",
       "burst_length",
+      "most_points",
       "late_periods",
       "port",
       "normal",

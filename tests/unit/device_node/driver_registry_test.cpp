@@ -4,8 +4,15 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <string>
 
 #include "common/core/check.h"
+#include "device_node/drivers/device_claim.h"
 #include "tests/support/scripted_device.h"
 
 namespace palpate::device {
@@ -13,6 +20,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 TEST(DriverRegistry, OpensTheSimulatedDeviceOfTheSession) {
   ManualClock clock;
@@ -60,6 +68,43 @@ TEST(DriverRegistry, AnUnknownNameIsASetupErrorThatListsTheKnownOnes) {
   } catch (const SetupError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("\"omni\""), HasSubstr("other, plugin, simulated")));
   }
+}
+
+// A child process keeps the claim until it ends, however it ends.
+TEST(DeviceClaim, OneProcessDrivesADevice) {
+  const std::string place = "test " + std::to_string(::getpid());
+  std::array<int, 2> ready{};
+  ASSERT_EQ(::pipe(ready.data()), 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const DeviceClaim claim(place);
+    static_cast<void>(::write(ready[1], "!", 1));
+    while (true) ::pause();
+  }
+  char told = 0;
+  ASSERT_EQ(::read(ready[0], &told, 1), 1);
+  EXPECT_THAT([&] { const DeviceClaim claim(place); },
+              ThrowsMessage<SetupError>(AllOf(HasSubstr(place), HasSubstr("another process"))));
+  const DeviceClaim other(place + " b");
+  ::kill(child, SIGKILL);
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+  EXPECT_NO_THROW(const DeviceClaim claim(place));
+  EXPECT_NO_THROW(const DeviceClaim claim(place + std::string(300, 'x')));
+  for (const int end : ready) ::close(end);
+}
+
+TEST(DeviceClaim, TheDriverOfARealDeviceClaimsItBeforeItIsOpened) {
+  HapiConfig config;
+  config.port = "/tmp/palpate-no-port-" + std::to_string(::getpid());
+  const DeviceClaim claim(place_of(config));
+  const DriverRegistry drivers = all_drivers({.driver = config});
+  const SteadyClock clock;
+  EXPECT_THAT([&] { static_cast<void>(drivers.at("hapi").open(clock, {})); },
+              ThrowsMessage<SetupError>(HasSubstr("another process drives it")));
+  EXPECT_EQ(place_of(DriverConfig{}), "");
+  HapiConfig by_another_name;
+  by_another_name.port = "/tmp/../" + config.port;
+  EXPECT_EQ(place_of(by_another_name), place_of(config));
 }
 
 }  // namespace

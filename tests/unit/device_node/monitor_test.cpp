@@ -2,6 +2,7 @@
 // The monitor of the energy in the tick, the assumptions that are watched, and the check of the
 // friction. Friction 0.1 N·s/m and 0.1 N, exact encoder, v_max 0.5 m/s: D(F) = (F − 0.15 N) 0.5 m/s
 // for F ≥ 0.2 N.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -168,6 +169,22 @@ TEST(Unmonitored, ARealDeviceIsRefusedUnlessUnsafeIsGiven) {
   EXPECT_NO_THROW(refuse_unmonitored(config, simulated, false));
   EXPECT_NO_THROW(refuse_unmonitored(config, real, true));
   EXPECT_THROW(refuse_unmonitored(config, real, false), SetupError);
+}
+
+// A force up to f_co needs no acceptance and no check: it must be what friction can absorb.
+TEST(UnlikelyFriction, OfMoreThanAQuarterOfThePeakForceIsRefused) {
+  DeviceConfig config = monitored_config();
+  const DeviceSpecification arm{.model_name = "arm", .peak_force_newton = 4.0};
+  const DeviceSpecification simulated{
+      .model_name = "simulated", .peak_force_newton = 4.0, .is_simulated = true};
+  config.profile.coulomb_newton = 1.0;
+  EXPECT_NO_THROW(refuse_unlikely_friction(config, arm));
+  config.profile.coulomb_newton = 1.01;
+  EXPECT_NO_THROW(refuse_unlikely_friction(config, simulated));
+  EXPECT_THAT([&] { refuse_unlikely_friction(config, arm); },
+              testing::ThrowsMessage<SetupError>(
+                  testing::AllOf(testing::HasSubstr("device.profile.coulomb_newton: 1.01 N"),
+                                 testing::HasSubstr("palpate identify"))));
 }
 
 TEST(DeadMan, AButtonThatTheDeviceDoesNotHaveIsRefused) {

@@ -17,6 +17,7 @@ namespace palpate {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -232,6 +233,22 @@ TEST(GripperRules, NeedsElasticTissueAndFiguresInRange) {
   EXPECT_THAT(complaint("jaw_newton: 0"), at(".jaw_newton", "0"));
   EXPECT_THAT(complaint("friction_coefficient: 10.1"), at(".friction_coefficient", "10"));
   EXPECT_THAT(complaint("tear_newton: 0"), at(".tear_newton", "0"));
+}
+
+TEST(GripperRules, TheJawsHaveAButtonOfTheirOwn) {
+  const auto complaint = [](const std::string& rest) {
+    return complaints(with_gripper("button: 3", kBlock) + rest, {}, "/tmp");
+  };
+  const auto at = [](const std::string& field) {
+    return ElementsAre(AllOf(HasSubstr(field), HasSubstr("scene.tool.gripper.button")));
+  };
+  EXPECT_THAT(complaint("device { workspace { clutch_button: 3 } }"),
+              at("device.workspace.clutch_button"));
+  EXPECT_THAT(complaint("device { dead_man_button: 3 }"), at("device.dead_man_button"));
+  EXPECT_THAT(complaint("task { mark_button: 3 free {} }"), at("task.mark_button"));
+  EXPECT_THAT(complaint("device { dead_man_button: 2 workspace { clutch_button: 1 } } "
+                        "task { mark_button: 0 free {} }"),
+              IsEmpty());
 }
 
 }  // namespace

@@ -87,6 +87,7 @@ TickRow full_row() {
   row.mofc->force_age = 2ms;
   row.mofc->state = MofcState::kContact;
   row.mofc->is_in_contact = true;
+  row.mofc->grip = GripState::kSlips;
   row.mofc->is_clamped = true;
   row.ideal_force_on_hand_newton = {7, 8, 9};
   row.to_ideal.emplace(ForceComparison::Integrals{.judged_s = 1,
@@ -102,7 +103,7 @@ TickRow full_row() {
 TEST(CsvWriter, WritesEveryColumnInItsPlace) {
   EXPECT_EQ(written({full_row()}).at(0),
             "0.001,0.1,0.2,0.3,0.11,0.22,0.33,1,2,3,4,5,6,7,8,9,1.5,1.5,1.5,0.003,0.004,0.002,"
-            "1,1,0,1,1,2,3,4,5,6,7");
+            "1,1,0,1,1,2,3,4,5,6,7,2");
 }
 
 TEST(CsvWriter, WritesNanForWhatIsNotKnown) {
@@ -112,7 +113,7 @@ TEST(CsvWriter, WritesNanForWhatIsNotKnown) {
 
   EXPECT_EQ(written({row}).at(0),
             "2,nan,nan,nan,1,2,3,nan,nan,nan,0,0,0,nan,nan,nan,nan,nan,nan,nan,nan,nan,"
-            "nan,nan,0,0,nan,nan,nan,nan,nan,nan,nan");
+            "nan,nan,0,0,nan,nan,nan,nan,nan,nan,nan,nan");
 }
 
 TEST(CsvWriter, WritesNegativeNanLikeAnyOther) {
@@ -210,7 +211,7 @@ TEST(CsvWriter, HoldsARowOfTheLongestNumbers) {
 
   const std::string line = written({row}).at(0);
 
-  EXPECT_EQ(cells_of(line).size(), 33U);
+  EXPECT_EQ(cells_of(line).size(), 34U);
   EXPECT_EQ(cells_of(line).at(18), "-2.2250738585072014e-308");
 }
 
@@ -225,7 +226,7 @@ TEST(CsvWriter, KeepsEveryRowOfALongRun) {
   ASSERT_EQ(lines.size(), rows.size());
   for (std::size_t i = 0; i < lines.size(); ++i) {
     ASSERT_EQ(cells_of(lines[i]).at(0), std::to_string(i));
-    ASSERT_EQ(cells_of(lines[i]).size(), 33U);
+    ASSERT_EQ(cells_of(lines[i]).size(), 34U);
   }
 }
 

@@ -53,6 +53,7 @@ class Batch:
         self.position: NDArray[np.float64] = self._tools["position"]  # m, of the centre of the tip
         self.velocity: NDArray[np.float64] = self._tools["velocity"]  # m/s; used where is_velocity_known
         self.is_velocity_known: NDArray[np.int32] = self._tools["is_velocity_known"]  # 0: that of the way
+        self.are_jaws_closed: NDArray[np.int32] = self._tools["are_jaws_closed"]  # of a gripper; 0: open
         self.orientation_wxyz: NDArray[np.float64] = self._tools["orientation_wxyz"]  # zeros: none
         self.force: NDArray[np.float64] = self._forces["force"]  # N, on the tool, of all tissues
         self.torque: NDArray[np.float64] = self._forces["torque"]  # N·m, about the centre of the tip

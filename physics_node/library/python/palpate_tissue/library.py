@@ -16,7 +16,7 @@ MOST_CONTACTS = 8
 
 _V3 = ("f8", 3)
 TOOL = np.dtype([("position", *_V3), ("velocity", *_V3), ("orientation_wxyz", "f8", 4),
-                 ("is_velocity_known", "i4"), ("reserved", "i4")])
+                 ("is_velocity_known", "i4"), ("are_jaws_closed", "i4")])
 CONTACT = np.dtype([("point", *_V3), ("normal", *_V3), ("force", *_V3), ("penetration", "f8"), ("error", "f8"),
                     ("tissue", "u4"), ("is_shaft", "i4")])
 FORCE = np.dtype([("force", *_V3), ("torque", *_V3), ("energy", "f8"), ("error", "f8"), ("contact_count", "u4"),
