@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A device's way to a force and back: acknowledgement, check of the motors, faults, release.
-#include <spdlog/fmt/fmt.h>
-
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cstdio>
 #include <string>
 
 #include "common/core/check.h"
@@ -17,6 +17,12 @@ constexpr Duration kReopenWithin = std::chrono::milliseconds(100);
 constexpr Duration kReopenEvery = std::chrono::milliseconds(500);
 /// After a person asked for it.
 constexpr Duration kResetWithin = std::chrono::milliseconds(500);
+
+std::string newton_text(double newton) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.3g N", newton);
+  return text.data();
+}
 
 }  // namespace
 
@@ -49,13 +55,13 @@ void refuse_unlikely_friction(const DeviceConfig& config,
                               const DeviceSpecification& specification) {
   const double most_newton = kMostFriction_ratio * specification.peak_force_newton;
   if (specification.is_simulated || config.profile.coulomb_newton <= most_newton) return;
-  throw SetupError(fmt::format(
-      "device.profile.coulomb_newton: {:g} N: device \"{}\" has motors of {:g} N, and of a "
-      "friction "
-      "of more than a quarter of that, {:g} N, it is not believed that it absorbs what the motors "
-      "do; measure it with palpate identify",
-      config.profile.coulomb_newton, specification.model_name, specification.peak_force_newton,
-      most_newton));
+  throw SetupError("device.profile.coulomb_newton: " + newton_text(config.profile.coulomb_newton) +
+                   ": device \"" + specification.model_name + "\" has motors of " +
+                   newton_text(specification.peak_force_newton) +
+                   ", and of a friction of more than a quarter of that, " +
+                   newton_text(most_newton) +
+                   ", it is not believed that it absorbs what the motors do; measure it with "
+                   "palpate identify");
 }
 
 /// No command and no push of the check is stronger.

@@ -11,9 +11,9 @@ namespace palpate::physics {
 Simulation::Simulation(std::shared_ptr<const SharedScene> shared, std::size_t tools, bool is_folded)
     : shared_(std::move(shared)), last_(tools) {
   if (!shared_->bodies().empty()) {
-    elastic_ =
-        std::make_shared<ElasticTissues>(shared_->bodies(), tools, shared_->config().tip_radius_m,
-                                         is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual);
+    elastic_ = std::make_shared<ElasticTissues>(
+        shared_->bodies(), tools, shared_->config().tip_radius_m,
+        is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual, shared_->config().gripper);
   }
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.emplace_back(shared_->scene(), shared_->reach_m(), elastic_, i);

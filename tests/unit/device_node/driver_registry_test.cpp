@@ -97,7 +97,9 @@ TEST(DeviceClaim, TheDriverOfARealDeviceClaimsItBeforeItIsOpened) {
   HapiConfig config;
   config.port = "/tmp/palpate-no-port-" + std::to_string(::getpid());
   const DeviceClaim claim(place_of(config));
-  const DriverRegistry drivers = all_drivers({.driver = config});
+  DriverOptions options;
+  options.driver = config;
+  const DriverRegistry drivers = all_drivers(options);
   const SteadyClock clock;
   EXPECT_THAT([&] { static_cast<void>(drivers.at("hapi").open(clock, {})); },
               ThrowsMessage<SetupError>(HasSubstr("another process drives it")));

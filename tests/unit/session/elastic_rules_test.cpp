@@ -240,7 +240,8 @@ TEST(GripperRules, TheJawsHaveAButtonOfTheirOwn) {
     return complaints(with_gripper("button: 3", kBlock) + rest, {}, "/tmp");
   };
   const auto at = [](const std::string& field) {
-    return ElementsAre(AllOf(HasSubstr(field), HasSubstr("scene.tool.gripper.button")));
+    return ElementsAre(HasSubstr("1 problem"),
+                       AllOf(HasSubstr(field), HasSubstr("scene.tool.gripper.button")));
   };
   EXPECT_THAT(complaint("device { workspace { clutch_button: 3 } }"),
               at("device.workspace.clutch_button"));
