@@ -182,7 +182,8 @@ TEST_F(GripScene, TheForceOfAPullIsThatOfTheFullSolution) {
     peak = std::max(peak, std::abs(ideal.force_on_tool_newton.z()));
   }
   EXPECT_GT(peak, test::kIsSanitized ? 0.1 : 0.5);
-  EXPECT_LT(std::sqrt(error2 / ticks) / peak, 0.03);  // the path has corners
+  // the path has corners; a sanitized run ends soon after the first
+  EXPECT_LT(std::sqrt(error2 / ticks) / peak, test::kIsSanitized ? 0.06 : 0.03);
 
   PhysicsCounters counters;
   elastic->count_into(counters);
@@ -240,7 +241,7 @@ TEST_F(GripScene, TheBodyGoesBackToRestWhenTheJawsOpenAndTheToolIsFree) {
   double farthest_m = 0.0;
   for (std::size_t i = 0; i < body.shown_nodes.size(); ++i) {
     for (std::size_t k = 0; k < 3; ++k) {
-      const auto at = static_cast<Eigen::Index>(3 * body.shown_nodes[i] + k);
+      const auto at = static_cast<Eigen::Index>(3 * std::size_t{body.shown_nodes[i]} + k);
       farthest_m = std::max(farthest_m,
                             std::abs(static_cast<double>(at_rest[3 * i + k]) - body.start_m[at]));
     }
