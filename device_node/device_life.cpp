@@ -177,9 +177,8 @@ bool DeviceNode::reset_fault() noexcept {
   const bool is_reached = device_.reopen(kResetWithin) && release_once();
   const bool may_be_silent =
       !device_.specification().answers_uncalibrated && device_.phase() == DevicePhase::kConnected;
-  if (!is_reached && !may_be_silent) return false;
-  // nobody could know that it would be back
-  if (is_reached && !was_released) return false;
+  // of one that was not released before nobody could know that it would be back
+  if (!(is_reached ? was_released : may_be_silent)) return false;
   fault_ = FaultReason::kNone;
   ++counters_.fault_resets;
   if (device_.phase() == DevicePhase::kCalibrated) {

@@ -29,19 +29,6 @@ Config settings(const DriverConfig& driver) {
   return own != nullptr ? *own : Config{};
 }
 
-}  // namespace
-
-const char* driver_name(const DriverConfig& driver) {
-  if (std::holds_alternative<HaplyConfig>(driver)) return kHaplyDriver;
-  if (std::holds_alternative<HapiConfig>(driver)) return kHapiDriver;
-  if (std::holds_alternative<FalconConfig>(driver)) return kFalconDriver;
-  if (std::holds_alternative<WoodenConfig>(driver)) return kWoodenDriver;
-  if (std::holds_alternative<PluginConfig>(driver)) return kPluginDriver;
-  return kSimulatedDriver;
-}
-
-namespace {
-
 /// The driver of a real device. The claim on it lasts as long as the driver.
 template <class Config, class Open>
 Driver real(const DriverConfig& driver, Open open) {
@@ -56,6 +43,15 @@ Driver real(const DriverConfig& driver, Open open) {
 }
 
 }  // namespace
+
+const char* driver_name(const DriverConfig& driver) {
+  if (std::holds_alternative<HaplyConfig>(driver)) return kHaplyDriver;
+  if (std::holds_alternative<HapiConfig>(driver)) return kHapiDriver;
+  if (std::holds_alternative<FalconConfig>(driver)) return kFalconDriver;
+  if (std::holds_alternative<WoodenConfig>(driver)) return kWoodenDriver;
+  if (std::holds_alternative<PluginConfig>(driver)) return kPluginDriver;
+  return kSimulatedDriver;
+}
 
 DriverRegistry all_drivers(const DriverOptions& options) {
   DriverRegistry drivers;

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/contact/elastic/grip.h"
-
 namespace palpate::mofc {
 namespace {
 
@@ -81,7 +79,7 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   state_ = slip.slip_m.isZero(0.0) ? State::kHolds : State::kSlips;
   if (newton.norm() > grip.tear_newton) lose(State::kTorn);
   if (!(report_->slip_m.norm() <= grip.reach_m)) lose(State::kSlipped);
-  const double joule = std::max(0.0, law_.stored_joule_at(tool_position_world_m - report_->slip_m));
+  const double joule = law_.stored_joule_at(tool_position_world_m - report_->slip_m);
   if (!is_held_ || !newton.allFinite() || !std::isfinite(joule)) return {};
   return {.force_on_tool_newton = newton, .stored_energy_joule = joule, .is_touching = true};
 }

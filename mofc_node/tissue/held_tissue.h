@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "common/contact/contact_model.h"
+#include "common/contact/elastic/grip.h"
 #include "common/core/messages.h"
 
 namespace palpate::mofc {
@@ -57,9 +58,8 @@ class HeldTissue {
              damping_newton_s_per_m * velocity;
     }
     [[nodiscard]] double stored_joule_at(const Vector3& place) const noexcept {
-      const Vector3 way_m = place - place_m;
-      return stored_joule - way_m.dot(force_newton) +
-             0.5 * way_m.dot(stiffness_newton_per_m * way_m);
+      return stored_joule_after(place - place_m, stored_joule, force_newton,
+                                stiffness_newton_per_m);
     }
   };
   void take(const Contact& contact, const Interaction& newest, const Vector3& at_m,

@@ -47,21 +47,20 @@ std::uint64_t ElasticReference::failed_steps() const noexcept {
 void ElasticReference::close(const Vector3& tip_m, bool is_closed) {
   const bool closes = is_closed && !is_closed_;
   is_closed_ = is_closed;
-  if (closes) ++closings_;
-  const One* nearest = nullptr;
+  if (is_closed && !closes) return;
+  One* nearest = nullptr;
   double least_m = std::numeric_limits<double>::infinity();
   for (One& one : bodies_) {
-    if (!closes && is_closed) continue;
     one.jaw.set(0);
+    if (!closes) continue;
     const double distance_m = one.body->shape.view(tip_m).distance_m;
-    if (closes && distance_m < least_m) {
+    if (distance_m < least_m) {
       least_m = distance_m;
       nearest = &one;
     }
   }
-  for (One& one : bodies_) {
-    if (&one == nearest) one.jaw.set(closings_);
-  }
+  if (closes) ++closings_;
+  if (nearest != nullptr) nearest->jaw.set(closings_);
 }
 
 void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& sum,

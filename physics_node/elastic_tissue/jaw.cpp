@@ -37,10 +37,8 @@ Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::
                            .reach_m = gripper.reach_m,
                            .slip_m = slip_m}};
   contact.force_on_tool_newton = model.force_at(at_m, v_m_per_s);
-  const Vector3 way_m = at_m - model.place_m;
-  contact.stored_energy_joule =
-      std::max(0.0, model.stored_energy_joule - way_m.dot(model.elastic_force_on_tool_newton) +
-                        0.5 * way_m.dot(K * way_m));
+  contact.stored_energy_joule = stored_joule_after(at_m - model.place_m, model.stored_energy_joule,
+                                                   model.elastic_force_on_tool_newton, K);
   return contact;
 }
 

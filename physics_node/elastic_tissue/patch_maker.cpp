@@ -23,8 +23,6 @@ constexpr int kRounding = 2;
 // The way of a viscous point that is still to go.
 constexpr double kFarthestRest_m = 0.5;
 
-using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
-
 std::int16_t integer_of(double value) {
   return static_cast<std::int16_t>(std::lround(std::clamp(value, -kElasticScale, kElasticScale)));
 }
@@ -93,18 +91,7 @@ void PatchMaker::require() {
 
 /// Displacement of a point under a force at another one, at rest.
 Eigen::Matrix3d PatchMaker::give(std::uint32_t at, std::uint32_t under) const {
-  const elastic::SurfacePoint& moved = body_.points[at];
-  const elastic::SurfacePoint& pressed = body_.points[under];
-  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-  for (std::size_t b = 0; b < static_cast<std::size_t>(pressed.count); ++b) {
-    const float* columns = columns_.of(pressed.nodes[b]);
-    for (std::size_t a = 0; a < static_cast<std::size_t>(moved.count); ++a) {
-      const auto row = static_cast<std::size_t>(compliance_.row_of(moved.nodes[a]));
-      sum += moved.weights[a] * pressed.weights[b] *
-             Eigen::Map<const RowMajor3f>(columns + 9 * row).cast<double>();
-    }
-  }
-  return sum;
+  return compliance_.give(body_.points[at], body_.points[under], columns_);
 }
 
 void PatchMaker::assign(std::uint32_t slot, std::uint32_t index) {

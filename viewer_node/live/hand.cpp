@@ -45,7 +45,7 @@ void WebHand::take(std::uint64_t client, const std::string& payload, TimePoint n
   holder_heard_at_ = now;
   target_.holder_id = client;
   target_.hand_position_m = target->hand_position_m;
-  target_.buttons = target->is_released ? 0 : target->buttons;
+  target_.buttons = target->buttons;
   if (target->is_released) {
     release(now);
   } else {

@@ -3,6 +3,8 @@
 // physics_node between two full solutions of the body, or after each of them.
 #pragma once
 
+#include <algorithm>
+
 #include "common/core/vector.h"
 
 namespace palpate {
@@ -23,5 +25,14 @@ struct GripSlip {
 [[nodiscard]] GripSlip slip_in_jaws(const Vector3& force_on_tool_newton,
                                     const Matrix3& stiffness_newton_per_m,
                                     double most_newton) noexcept;
+
+/// Energy that held tissue stores a way further, at least 0.
+/// @param force_on_tool_newton  before the way, elastic
+[[nodiscard]] inline double stored_joule_after(const Vector3& way_m, double stored_joule,
+                                               const Vector3& force_on_tool_newton,
+                                               const Matrix3& stiffness_newton_per_m) noexcept {
+  return std::max(0.0, stored_joule - way_m.dot(force_on_tool_newton) +
+                           0.5 * way_m.dot(stiffness_newton_per_m * way_m));
+}
 
 }  // namespace palpate

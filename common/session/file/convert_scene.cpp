@@ -345,16 +345,14 @@ std::vector<std::string> to_physics_command(const Fields& physics,
 
 namespace {
 
-std::optional<GripperConfig> to_gripper(const Fields& tool, double tip_radius_m) {
-  if (!tool.has("gripper")) return std::nullopt;
-  const Fields fields = tool.message("gripper");
-  return GripperConfig{.button = static_cast<std::uint32_t>(fields.integer("button")),
-                       .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
-                       .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
-                       .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
-                       .jaw_newton = fields.number("jaw_newton"),
-                       .friction_coefficient = fields.number("friction_coefficient"),
-                       .tear_newton = fields.number("tear_newton")};
+GripperConfig to_gripper(const Fields& fields, double tip_radius_m) {
+  return {.button = static_cast<std::uint32_t>(fields.integer("button")),
+          .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
+          .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
+          .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
+          .jaw_newton = fields.number("jaw_newton"),
+          .friction_coefficient = fields.number("friction_coefficient"),
+          .tear_newton = fields.number("tear_newton")};
 }
 
 bool is_elastic(const TissueConfig& tissue) {
@@ -391,7 +389,7 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
   }
   if (!tool.has("gripper")) return config;
   if (std::any_of(config.tissues.begin(), config.tissues.end(), is_elastic)) {
-    config.gripper = to_gripper(tool, config.tip_radius_m);
+    config.gripper = to_gripper(tool.message("gripper"), config.tip_radius_m);
   } else {
     tool.problem("gripper",
                  "holds elastic tissue, and the scene has none; give a tissue elastic { … }, or "

@@ -52,6 +52,10 @@ class SurfaceCompliance {
   /// memory they take, until others are required. Allocates.
   /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once
   Required require(std::span<const std::uint32_t> nodes);
+  /// Displacement of a point of the surface under a unit force on another one along each axis, at
+  /// rest. @pre the columns of `under` are there
+  [[nodiscard]] Eigen::Matrix3d give(const SurfacePoint& at, const SurfacePoint& under,
+                                     const Required& columns) const;
   /// What forces on `points` move a point of the surface. Makes the columns it needs.
   [[nodiscard]] Vector3d moved_m(const SurfacePoint& at, const std::vector<SurfacePoint>& points,
                                  const std::vector<Vector3d>& forces_newton);

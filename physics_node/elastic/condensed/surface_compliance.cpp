@@ -137,4 +137,18 @@ Vector3d SurfaceCompliance::moved_m(const SurfacePoint& at, const std::vector<Su
   return sum;
 }
 
+Eigen::Matrix3d SurfaceCompliance::give(const SurfacePoint& at, const SurfacePoint& under,
+                                        const Required& columns) const {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (std::size_t b = 0; b < static_cast<std::size_t>(under.count); ++b) {
+    const float* column = columns.of(under.nodes[b]);
+    for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
+      const auto row = static_cast<std::size_t>(row_of(at.nodes[a]));
+      sum += at.weights[a] * under.weights[b] *
+             Eigen::Map<const RowMajor3f>(column + 9 * row).cast<double>();
+    }
+  }
+  return sum;
+}
+
 }  // namespace palpate::elastic

@@ -9,8 +9,6 @@
 namespace palpate::elastic {
 namespace {
 
-using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
-
 constexpr double kMostChange = 3.0;
 
 }  // namespace
@@ -36,7 +34,7 @@ Vector3d HeldPoints::add_forces_on_body(const double* x_m,
                                         std::span<Vector3d> forces_newton) const noexcept {
   Vector3d sum = Vector3d::Zero();
   for (const Held& one : held_) {
-    const Vector3d pull = newton_per_m_ * (one.point.position_m(x_m) - at_m_ - one.away_m);
+    const Vector3d pull = newton_per_m_ * stretch_m(one, x_m);
     forces_newton[one.index] -= pull;
     sum += pull;
   }
@@ -46,20 +44,22 @@ Vector3d HeldPoints::add_forces_on_body(const double* x_m,
 double HeldPoints::stored_joule(const double* x_m) const noexcept {
   double joule = 0.0;
   for (const Held& one : held_) {
-    joule += 0.5 * newton_per_m_ * (one.point.position_m(x_m) - at_m_ - one.away_m).squaredNorm();
+    joule += 0.5 * newton_per_m_ * stretch_m(one, x_m).squaredNorm();
   }
   return joule;
 }
 
 double HeldPoints::add_gradient(const double* x_m, double* gradient) const noexcept {
+  double joule = 0.0;
   for (const Held& one : held_) {
-    const Vector3d stretch_m = one.point.position_m(x_m) - at_m_ - one.away_m;
+    const Vector3d stretched_m = stretch_m(one, x_m);
+    joule += 0.5 * newton_per_m_ * stretched_m.squaredNorm();
     for (std::size_t a = 0; a < static_cast<std::size_t>(one.point.count); ++a) {
       Eigen::Map<Vector3d>(gradient + 3 * std::size_t{one.point.nodes[a]}) +=
-          newton_per_m_ * one.point.weights[a] * stretch_m;
+          newton_per_m_ * one.point.weights[a] * stretched_m;
     }
   }
-  return stored_joule(x_m);
+  return joule;
 }
 
 void HeldPoints::add_stiffness(const BlockPattern& pattern, BlockValues& values) const {
@@ -105,16 +105,7 @@ Eigen::Matrix3d grip_stiffness_newton_per_m(SurfaceCompliance& compliance, const
   for (std::size_t j = 0; j < rows.size(); ++j) {
     const SurfacePoint& under = *rows[j].point;
     for (std::size_t i = 0; i <= j; ++i) {
-      const SurfacePoint& at = *rows[i].point;
-      Eigen::Matrix3d block = Eigen::Matrix3d::Zero();
-      for (std::size_t b = 0; b < static_cast<std::size_t>(under.count); ++b) {
-        const float* column = columns.of(under.nodes[b]);
-        for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
-          const auto row = static_cast<std::size_t>(compliance.row_of(at.nodes[a]));
-          block += at.weights[a] * under.weights[b] *
-                   Eigen::Map<const RowMajor3f>(column + 9 * row).cast<double>();
-        }
-      }
+      Eigen::Matrix3d block = compliance.give(*rows[i].point, under, columns);
       if (i == j) block.diagonal().array() += rows[i].give_m_per_newton;
       give.block<3, 3>(static_cast<Eigen::Index>(3 * i), static_cast<Eigen::Index>(3 * j)) = block;
     }

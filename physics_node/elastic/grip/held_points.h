@@ -48,6 +48,10 @@ class HeldPoints {
   [[nodiscard]] double newton_per_m() const noexcept { return newton_per_m_; }
 
  private:
+  [[nodiscard]] Vector3d stretch_m(const Held& one, const double* x_m) const noexcept {
+    return one.point.position_m(x_m) - at_m_ - one.away_m;
+  }
+
   std::vector<Held> held_;
   Vector3d at_m_ = Vector3d::Zero();
   double newton_per_m_ = 0.0;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/elastic/delayed_force.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -15,6 +13,7 @@
 #include "common/session/session.h"
 #include "mofc_node/tissue/tissue_model.h"
 #include "physics_node/scene_engine.h"
+#include "tests/bench/elastic/elastic_rows.h"
 
 namespace palpate::bench {
 namespace {
@@ -52,12 +51,6 @@ class Line {
 
 }  // namespace
 
-double thread_time_s() {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vector3(double)>& tip_m,
                              double seconds, int lead_ticks, const Network& network) {
   PhysicsConfig physics;
@@ -88,7 +81,7 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
     state.buttons = is_closed && scene.gripper ? 1U << scene.gripper->button : 0U;
 
     // mofc_node
-    const double begin_s = thread_time_s();
+    const double begin_s = cpu_s();
     if (auto arrived = interactions.take(now_s)) {
       newest = std::move(arrived);
       model.receive(*newest, state);
@@ -99,7 +92,7 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
     }
     if (tick >= 0) {
       forces.newton.push_back(newton);
-      forces.us.push_back(1e6 * (thread_time_s() - begin_s));
+      forces.us.push_back(1e6 * (cpu_s() - begin_s));
       forces.grip.push_back(model.held_tissue().state());
     }
     ToolMotion sent;

@@ -31,9 +31,6 @@ struct DelayedForces {
   double bytes_per_s = 0.0;                   ///< of hop 3, frames as they are sent
 };
 
-/// Processor time of this thread [s].
-[[nodiscard]] double thread_time_s();
-
 /// mofc's TissueModel with what SceneEngine sends it.
 /// @param tip_m  by time [s]; before 0 the tip is where it is at 0   @param lead_ticks  before time
 /// 0

@@ -27,11 +27,13 @@
 #include "common/core/check.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/physics_telemetry.h"
+#include "common/telemetry/quantile.h"
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/delayed_force.h"
+#include "tests/bench/elastic/elastic_rows.h"
 
 namespace {
 
@@ -329,13 +331,6 @@ Figures compare(const Forces& force, const Forces& ideal) {
   return figures;
 }
 
-/// CPU time of this thread [s].
-double thread_s() {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 void trace(const Path& path, const Forces& forces, const Forces& ideal,
            const std::vector<double>& us, const std::string& file) {
   if (file.empty()) return;
@@ -347,13 +342,7 @@ void trace(const Path& path, const Forces& forces, const Forces& ideal,
   }
 }
 
-/// `share` of the values are at most this.
-double quantile_of(std::vector<double> values, double share) {
-  const auto place =
-      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
-}
+double quantile_of(std::vector<double> values, double share) { return quantile(values, share); }
 
 /// At the other end of hop 3.
 Figures run_delayed(const Path& path, const Forces& ideal, const bench::Network& network,
@@ -378,10 +367,10 @@ Figures run(const Path& path, const Forces& ideal, const std::filesystem::path& 
   for (int tick = -path.lead_ticks; kTick_s * tick < path.seconds; ++tick) {
     const Vector3 tip_m = path.tip_m(std::max(0.0, kTick_s * tick));
     SceneForce force;
-    const double begin_s = thread_s();
+    const double begin_s = bench::cpu_s();
     tissues->step(0, tip_m, kTick_s * (tick + path.lead_ticks), kReach_m, force);
     if (tick < 0) continue;
-    us.push_back(1e6 * (thread_s() - begin_s));
+    us.push_back(1e6 * (bench::cpu_s() - begin_s));
     forces.push_back(force.force_on_tool_newton);
   }
   trace(path, forces, ideal, us, trace_file);

@@ -18,10 +18,12 @@
 #include <vector>
 
 #include "common/session/session_file.h"
+#include "common/telemetry/quantile.h"
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/delayed_force.h"
+#include "tests/bench/elastic/elastic_rows.h"
 
 namespace {
 
@@ -97,11 +99,7 @@ int reversals_of(const std::vector<Vector3>& newton, double least_newton) {
   return reversals;
 }
 
-double p99_of(std::vector<double> values) {
-  const auto place = values.begin() + static_cast<std::ptrdiff_t>(99 * (values.size() - 1) / 100);
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
-}
+double p99_of(std::vector<double> values) { return quantile(values, 0.99); }
 
 /// Processor time of a step of the tool while the body is solved on a thread of its own.
 double step_p99_us(const Path& path) {
@@ -110,10 +108,10 @@ double step_p99_us(const Path& path) {
   std::vector<double> us;
   for (int tick = 0; us.size() < kSteps; ++tick) {
     physics::SceneForce force;
-    const double begin_s = bench::thread_time_s();
+    const double begin_s = bench::cpu_s();
     tissues->step(0, path.tip_m(0.0), kTick_s * tick, 0.05, force, {.is_closed = tick > 10});
     if (force.listed_count > 0 && force.contacts[0].grip.number != 0) {
-      us.push_back(1e6 * (bench::thread_time_s() - begin_s));
+      us.push_back(1e6 * (bench::cpu_s() - begin_s));
     }
     std::this_thread::yield();
   }

@@ -54,6 +54,13 @@ std::string file_of(const TempFolder& folder, const PostMortem& post_mortem,
   return path;
 }
 
+std::vector<std::string> lines_of(const std::string& path) {
+  std::ifstream in(path);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
 /// A hand that moves, commands that nobody has clamped: the monitor has to reduce many.
 struct Wired {
   explicit Wired(WiredDriver driver, std::vector<device::PlannedFault> faults) {
@@ -292,10 +299,7 @@ TEST(PostMortem, AFileThatEndsTooEarlyIsNotTheSame) {
   wired.run(3'500);
   const TempFolder folder;
   const std::string path = file_of(folder, wired.post_mortem);
-  std::ifstream in(path);
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(in, line);) lines.push_back(line);
-  in.close();
+  const std::vector<std::string> lines = lines_of(path);
   EXPECT_TRUE(device::recompute_fault(device::read_fault_file(path)).is_same());
   for (const std::size_t kept : {lines.size() - 1, lines.size() - 20, lines.size() / 2}) {
     std::ofstream out(path);
@@ -325,9 +329,7 @@ TEST(PostMortem, ADamagedFileIsRefusedWithItsLine) {
   wired.run(600);
   const TempFolder folder;
   const std::string path = file_of(folder, wired.post_mortem);
-  std::ifstream in(path);
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  const std::vector<std::string> lines = lines_of(path);
   const auto refusal = [&](std::size_t line, const std::string& text) {
     const std::string damaged = (folder.path() / "damaged.csv").string();
     std::ofstream out(damaged);

@@ -27,6 +27,14 @@ constexpr double kGripTip_m = 0.006;
 constexpr double kGripReach_m = 0.05;
 constexpr double kGripTick_s = 1e-3;
 
+std::vector<std::uint32_t> nodes_of(const std::vector<elastic::SurfacePoint>& points) {
+  std::vector<std::uint32_t> nodes;
+  for (const auto& point : points) point.add_nodes_to(nodes);
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  return nodes;
+}
+
 /// Holds what is far from the points, and pulls: the force of the full solution.
 struct Pull {
   elastic::Body body{
@@ -36,6 +44,8 @@ struct Pull {
   elastic::EquilibriumSearch search{body};
   elastic::WarpedFactor factor{body, elastic::Precision::kDouble};
   elastic::VectorXd x{body.rest_m()};
+  elastic::WarpedFactor rest{body, elastic::Precision::kDouble};
+  elastic::SurfaceCompliance compliance{body, rest, nodes_of(points)};
 };
 
 class HeldObstacle final : public elastic::Obstacle {
@@ -60,13 +70,7 @@ TEST(Grip, ItsStiffnessIsThatOfTheFullSolution) {
   Pull pull;
   pull.held.take(pull.points, pull.x.data(), kGripTop_m, 0.008, 64, 2000.0);
   ASSERT_GT(pull.held.size(), 8U);
-  std::vector<std::uint32_t> surface;
-  for (const auto& point : pull.points) point.add_nodes_to(surface);
-  std::sort(surface.begin(), surface.end());
-  surface.erase(std::unique(surface.begin(), surface.end()), surface.end());
-  elastic::WarpedFactor rest(pull.body, elastic::Precision::kDouble);
-  elastic::SurfaceCompliance compliance(pull.body, rest, surface);
-  const Matrix3 K = elastic::grip_stiffness_newton_per_m(compliance, pull.held, {});
+  const Matrix3 K = elastic::grip_stiffness_newton_per_m(pull.compliance, pull.held, {});
   EXPECT_TRUE(K.isApprox(K.transpose(), 1e-12));
 
   const HeldObstacle obstacle(pull.held);
@@ -91,11 +95,7 @@ TEST(Grip, SoftJawsAreTheirOwnStiffness) {
   Pull pull;
   pull.held.take(pull.points, pull.x.data(), kGripTop_m, 0.008, 5, 1.0);
   EXPECT_EQ(pull.held.size(), 5U);
-  std::vector<std::uint32_t> surface;
-  for (const auto& point : pull.points) point.add_nodes_to(surface);
-  elastic::WarpedFactor rest(pull.body, elastic::Precision::kDouble);
-  elastic::SurfaceCompliance compliance(pull.body, rest, surface);
-  const Matrix3 K = elastic::grip_stiffness_newton_per_m(compliance, pull.held, {});
+  const Matrix3 K = elastic::grip_stiffness_newton_per_m(pull.compliance, pull.held, {});
   EXPECT_LT((K - Matrix3::Identity()).norm(), 0.03);
 }
 
@@ -106,12 +106,8 @@ TEST(Grip, ASecondGripMakesTheBodyStiffer) {
   all[0] = pull.held;
   all[1].take(pull.points, pull.x.data(), kGripTop_m + Vector3(0.01, 0, 0), 0.004, 64, 2000.0);
   ASSERT_FALSE(all[1].is_empty());
-  std::vector<std::uint32_t> surface;
-  for (const auto& point : pull.points) point.add_nodes_to(surface);
-  elastic::WarpedFactor rest(pull.body, elastic::Precision::kDouble);
-  elastic::SurfaceCompliance compliance(pull.body, rest, surface);
-  const Matrix3 alone = elastic::grip_stiffness_newton_per_m(compliance, all[0], {});
-  const Matrix3 both = elastic::grip_stiffness_newton_per_m(compliance, all[0], all);
+  const Matrix3 alone = elastic::grip_stiffness_newton_per_m(pull.compliance, all[0], {});
+  const Matrix3 both = elastic::grip_stiffness_newton_per_m(pull.compliance, all[0], all);
   EXPECT_GT((both - alone).eigenvalues().real().minCoeff(), 0.0);
 }
 
