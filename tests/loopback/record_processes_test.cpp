@@ -11,6 +11,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <regex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -190,8 +191,12 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
   std::ifstream seen(path("seen.csv"));
   std::set<std::string> rows;
   std::string line;
-  std::getline(seen, line);  // header
+  std::getline(seen, line);
+  ASSERT_THAT(line, testing::StartsWith("t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,"));
+  const std::regex without_mofc("(?:[^,]*,){7}nan,.*");
   while (std::getline(seen, line)) {
+    // a viewer that waits for a processor may lose a batch of one node and not of the other
+    if (std::regex_match(line, without_mofc)) continue;
     EXPECT_THAT(recorded, HasSubstr("\n" + line + "\n"));
     rows.insert(line);
   }
