@@ -56,18 +56,26 @@ struct NeedleTask {
   std::optional<double> most_overshoot_m{};  ///< behind the membrane; none: no limit
 };
 
+/// Take hold of elastic tissue with the gripper, bring it to a place and hold it there.
+struct TractionTask {
+  Vector3 target_m = Vector3::Zero();  ///< of the centre of the tip, W
+  double tolerance_m = 0.003;          ///< of the tip from it
+  double hold_s = 5.0;                 ///< without a break
+};
+
 struct TaskConfig {
   std::string briefing{};
   bool is_started_by_person = false;  ///< else with the first tick
   std::optional<double> time_s{};     ///< none: no limit
   std::optional<double> most_force_newton{};
   std::optional<std::uint32_t> mark_button{};
-  std::variant<FreeTask, PalpationTask, NeedleTask> kind{};
+  std::variant<FreeTask, PalpationTask, NeedleTask, TractionTask> kind{};
 
   [[nodiscard]] const PalpationTask* palpation() const { return std::get_if<PalpationTask>(&kind); }
   [[nodiscard]] const NeedleTask* needle() const { return std::get_if<NeedleTask>(&kind); }
+  [[nodiscard]] const TractionTask* traction() const { return std::get_if<TractionTask>(&kind); }
   /// Whether it must not be told where things are before it has ended.
-  [[nodiscard]] bool hides_places() const { return !std::holds_alternative<FreeTask>(kind); }
+  [[nodiscard]] bool hides_places() const { return palpation() != nullptr || needle() != nullptr; }
 };
 
 }  // namespace palpate

@@ -19,6 +19,7 @@ constexpr std::size_t kDepthBins = 5'000;
 
 TaskState::Kind kind_of(const TaskConfig& task) {
   if (task.palpation() != nullptr) return TaskState::Kind::kPalpation;
+  if (task.traction() != nullptr) return TaskState::Kind::kTraction;
   return task.needle() != nullptr ? TaskState::Kind::kNeedle : TaskState::Kind::kFree;
 }
 
@@ -33,6 +34,7 @@ TaskEvaluator::TaskEvaluator(const TaskConfig& task, const ToolShape& tool, Opti
     score_.overshoot_newton = score_.beyond_s = score_.damage_newton_s = 0.0;
   }
   if (const NeedleTask* needle = task_.needle()) needle_.emplace(*needle, tool);
+  if (const TractionTask* traction = task.traction()) traction_.emplace(*traction);
   if (palpation() == nullptr) return;
   score_.least_force_newton = palpation()->least_force_newton;
   for (const TaskTarget& target : palpation()->targets) {
@@ -82,7 +84,8 @@ void TaskEvaluator::take(const TickRow& row) {
                       .tip_m = tick.measured_tool_position_world_m,
                       .newton = tick.force_on_hand_newton.norm(),
                       .buttons = tick.buttons,
-                      .shaft = tick.measured_tool_orientation_world * Vector3::UnitZ()});
+                      .shaft = tick.measured_tool_orientation_world * Vector3::UnitZ(),
+                      .grip = row.mofc ? std::optional(row.mofc->grip) : std::nullopt});
   process_due(false);
 }
 
@@ -111,11 +114,13 @@ void TaskEvaluator::process(const Sample& sample) {
   if (last_ && last_->session_id != sample.session_id) {
     past_.insert(last_->session_id);
     if (needle_) needle_->reset();
+    if (traction_) traction_->reset();
     if (phase_ == TaskState::Phase::kRunning) ++score_.device_restarts;
   }
   if (needle_) {
     needle_->follow({.tip_m = sample.tip_m, .shaft = sample.shaft, .time_s = sample.t_s});
   }
+  if (traction_) traction_->follow(sample.grip, sample.tip_m);
   const bool begins_with_run = options_.starts_with_run || !task_.is_started_by_person;
   if (phase_ == TaskState::Phase::kWaiting && begins_with_run) {
     begin(sample);
@@ -145,6 +150,7 @@ void TaskEvaluator::process(const Sample& sample) {
     const double newton = sample.newton >= kTouch_newton ? sample.newton : 0.0;
     needle_->count(score_.time_s, newton, elapsed_s);
   }
+  if (traction_) traction_->count(score_.time_s, sample.newton, elapsed_s);
   if (sample.newton >= kTouch_newton) press(sample, elapsed_s);
   judge_force(sample.newton, elapsed_s);
   if (has_marks() && task_.mark_button) {
@@ -309,6 +315,7 @@ void TaskEvaluator::complete_score() {
     needle_->finish();
     score_.needle = needle_->score();
   }
+  if (traction_) score_.traction = traction_->score();
   if (palpation() == nullptr) return;
   for (std::size_t i = 0; i < score_.targets.size(); ++i) {
     score_.targets[i].force = regions_[i].forces.figures();
@@ -333,6 +340,7 @@ TaskState TaskEvaluator::state() const {
   }
   state.marks = static_cast<std::uint32_t>(score_.marks.size());
   if (phase_ == TaskState::Phase::kRunning) state.marks += notes_waiting_;
+  if (traction_) state.traction = traction_->state();
   if (!has_ended()) return state;
   state.findings = findings_of(score_);
   state.figures = figures_of(score_);

@@ -25,6 +25,7 @@
 #include "common/task/needle_insertion.h"
 #include "common/task/score.h"
 #include "common/task/searched_surface.h"
+#include "common/task/traction.h"
 #include "common/telemetry/run_messages.h"
 #include "common/telemetry/tick_row.h"
 
@@ -75,6 +76,7 @@ class TaskEvaluator {
     double newton = 0.0;
     std::uint32_t buttons = 0;
     Vector3 shaft = Vector3::UnitZ();  // from the tip to the handle
+    std::optional<GripState> grip{};   // none: mofc_node's part of the tick is missing
   };
   struct Touch {
     double t_s = 0.0;
@@ -110,6 +112,7 @@ class TaskEvaluator {
   std::unique_ptr<SearchedSurface> surface_;
   std::vector<Region> regions_;  // of the targets, then elsewhere
   std::optional<NeedleInsertion> needle_{};
+  std::optional<Traction> traction_{};
   ForceCount forces_;
   Histogram depths_;
   HandMotion motion_;

@@ -70,7 +70,7 @@ constexpr double kSaid = 1e-4;  // a smaller share of missing telemetry is 0.0 %
 }  // namespace
 
 const char* name(TaskState::Kind kind) {
-  constexpr std::array<const char*, 3> kNames{"free", "palpation", "needle"};
+  constexpr std::array<const char*, 4> kNames{"free", "palpation", "needle", "traction"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 
@@ -139,10 +139,16 @@ std::vector<std::string> findings_of(const TaskScore& score) {
                                      early == 1 ? "mark was" : "marks were"));
     }
   }
+  if (score.traction) {
+    for (std::string& finding : findings_of(*score.traction)) {
+      findings.push_back(std::move(finding));
+    }
+  }
   if (score.overshoot_newton > 0.0) {
     findings.push_back(fmt::format(
-        "You pressed too hard: up to {:.1f} N, {:.1f} N beyond the limit, for {:.1f} s.",
-        score.most_force_newton + score.overshoot_newton, score.overshoot_newton, score.beyond_s));
+        "You {} too hard: up to {:.1f} N, {:.1f} N beyond the limit, for {:.1f} s.",
+        score.traction ? "pulled" : "pressed", score.most_force_newton + score.overshoot_newton,
+        score.overshoot_newton, score.beyond_s));
   }
   return findings;
 }
@@ -169,6 +175,9 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
   }
   if (score.needle) {
     for (auto& [label, value] : figures_of(*score.needle)) add(label, std::move(value));
+  }
+  if (score.traction) {
+    for (auto& [label, value] : figures_of(*score.traction)) add(label, std::move(value));
   }
   add("force", force_text(score.force));
   for (const TargetScore& target : score.targets) {
@@ -252,6 +261,7 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
     json["marks"] = marks_json(score);
     json["false_alarms"] = score.count(MarkScore::Outcome::kFalseAlarm);
   }
+  if (score.traction) add_json(*score.traction, json);
   json["force"] = force_json(score.force);
   json["path_m"] = score.path_m;
   json["smoothness"] = number_or_null(score.smoothness);

@@ -12,6 +12,7 @@
 
 #include "common/task/force_figures.h"
 #include "common/task/needle_score.h"
+#include "common/task/traction_score.h"
 #include "common/telemetry/run_messages.h"
 
 namespace palpate {
@@ -64,7 +65,8 @@ struct TaskScore {
   ForceFigures elsewhere{};  ///< away from all lesions
   double depth_p95_m = kNotKnown;
   double depth_most_m = kNotKnown;
-  std::optional<NeedleScore> needle{};  ///< of a needle
+  std::optional<NeedleScore> needle{};      ///< of a needle
+  std::optional<TractionScore> traction{};  ///< of a traction
   // of every task
   ForceFigures force{};
   double path_m = 0.0;

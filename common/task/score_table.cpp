@@ -48,23 +48,39 @@ std::string csv_number(double value) {
 }
 
 /// The last column of a table.
-std::string needle_text(const std::optional<NeedleScore>& needle) {
-  if (!needle) return "";
-  std::string outcome = std::string("  ") + name(needle->outcome());
-  if (!(needle->overshoot_m > 0.0)) return outcome;
-  return outcome + fmt::format(", {:.1f} mm behind", 1e3 * needle->overshoot_m);
+std::string outcome_text(const TaskScore& score) {
+  const std::string outcome = outcome_of(score);
+  if (score.traction) {
+    return outcome + fmt::format(", {:.1f} s at the target", score.traction->longest_s);
+  }
+  if (!score.needle || !(score.needle->overshoot_m > 0.0)) return outcome;
+  return outcome + fmt::format(", {:.1f} mm behind", 1e3 * score.needle->overshoot_m);
 }
 
-/// The last columns; empty without a needle.
+/// Of a needle; empty without.
 std::string needle_cells(const std::optional<NeedleScore>& needle) {
   if (!needle) return ",,,,,,";
-  std::string cells = name(needle->outcome());
+  std::string cells;
   for (const double value :
        {needle->layers[needle->membrane].punctured_after_s, needle->told_after_s,
         needle->depth_most_m, needle->sideways_m, needle->overshoot_m, needle->end_behind_m}) {
     cells += ',' + csv_number(value);
   }
   return cells;
+}
+
+/// Of a traction; empty without.
+std::string traction_cells(const std::optional<TractionScore>& traction) {
+  if (!traction) return ",,,,,,,,,,";
+  std::string cells;
+  for (const double value :
+       {traction->held_after_s, traction->reached_after_s, traction->done_after_s,
+        traction->longest_s, traction->within_ratio(), traction->retraction_m}) {
+    cells += ',' + csv_number(value);
+  }
+  return cells +
+         fmt::format(",{},{},{},", traction->tears, traction->slips, traction->slipped_out) +
+         csv_number(traction->force.p95_newton);
 }
 
 /// The end of the path, which tells runs apart.
@@ -104,16 +120,21 @@ DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
   return figures;
 }
 
+std::string outcome_of(const TaskScore& score) {
+  if (score.needle) return name(score.needle->outcome());
+  return score.traction ? name(score.traction->outcome()) : "";
+}
+
 std::string table_text(const std::vector<NamedScore>& scores) {
   std::size_t width = 3;
-  const bool has_needle = std::any_of(scores.begin(), scores.end(), [](const NamedScore& one) {
-    return one.score.needle.has_value();
+  const bool has_outcome = std::any_of(scores.begin(), scores.end(), [](const NamedScore& one) {
+    return !outcome_of(one.score).empty();
   });
   for (const NamedScore& one : scores) width = std::max(width, short_name(one.run).size());
   std::string text =
       fmt::format("{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}{}\n",
                   "run", width, "found", "guessed", "alarms", "time s", "cover %", "F50 N", "F95 N",
-                  "Fmax N", "path m", "beyond N", "missing%", has_needle ? "  needle" : "");
+                  "Fmax N", "path m", "beyond N", "missing%", has_outcome ? "  outcome" : "");
   for (const NamedScore& one : scores) {
     const TaskScore& s = one.score;
     text += fmt::format(
@@ -125,7 +146,7 @@ std::string table_text(const std::vector<NamedScore>& scores) {
         figure(s.force.median_newton, "{:.2f}"), figure(s.force.p95_newton, "{:.2f}"),
         figure(s.force.most_newton, "{:.2f}"), figure(s.path_m, "{:.3f}"),
         figure(s.overshoot_newton, "{:.2f}"), figure(100.0 * s.missing_ratio(), "{:.2f}"),
-        needle_text(s.needle));
+        has_outcome ? "  " + outcome_text(s) : "");
   }
   return text + detection_text(detection_of(scores));
 }
@@ -167,7 +188,8 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
       "run,kind,targets,found,guessed,missed,false_alarms,time_s,coverage_ratio,force_median_n,"
       "force_p95_n,force_most_n,touch_s,depth_p95_m,depth_most_m,path_m,smoothness,overshoot_n,"
       "beyond_s,damage_n_s,missing_ratio,outcome,punctured_after_s,told_after_s,insertion_depth_m,"
-      "sideways_m,overshoot_m,end_behind_m\n";
+      "sideways_m,overshoot_m,end_behind_m,held_after_s,reached_after_s,done_after_s,longest_s,"
+      "within_ratio,retraction_m,tears,slips,slipped_out,force_held_p95_n\n";
   for (const NamedScore& one : scores) {
     const TaskScore& s = one.score;
     csv += fmt::format(
@@ -182,7 +204,7 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
       add(value, ',');
     }
     add(s.missing_ratio(), ',');
-    csv += needle_cells(s.needle) + '\n';
+    csv += outcome_of(s) + needle_cells(s.needle) + traction_cells(s.traction) + '\n';
   }
   return csv;
 }

@@ -36,6 +36,8 @@ struct DetectionFigures {
 };
 [[nodiscard]] DetectionFigures detection_of(const std::vector<NamedScore>& scores);
 
+/// Of a needle or a traction; "" of others.
+[[nodiscard]] std::string outcome_of(const TaskScore& score);
 /// One line a run, and below it the detection of all.
 [[nodiscard]] std::string table_text(const std::vector<NamedScore>& scores);
 /// One column a run, one line a figure.

@@ -87,6 +87,18 @@ struct TaskState {
     kFree = 0,
     kPalpation = 1,  ///< a note is a find
     kNeedle = 2,     ///< a note says that the resistance is lost
+    kTraction = 3,   ///< a note says nothing
+  };
+  /// Where held tissue is to be brought, and how far that is.
+  struct Traction {
+    Vector3 target_m = Vector3::Zero();  ///< of the centre of the tip, W
+    double tolerance_m = 0.0;
+    double hold_s = 0.0;  ///< for so long without a break
+    double held_s = 0.0;  ///< the longest so far
+    bool is_holding = false;
+    bool is_at_target = false;  ///< and holds it
+
+    bool operator==(const Traction&) const = default;
   };
 
   Phase phase = Phase::kWaiting;
@@ -97,6 +109,7 @@ struct TaskState {
   std::uint32_t marks = 0;
   std::vector<std::string> findings{};                         ///< after the end
   std::vector<std::pair<std::string, std::string>> figures{};  ///< after the end: label, value
+  std::optional<Traction> traction{};
 
   bool operator==(const TaskState&) const = default;
 };

@@ -778,6 +778,32 @@ page_test("with a needle the button says that the resistance is lost", {}, async
   server.world.task = undefined;
 });
 
+page_test("with traction the page shows the target and says how far it is", {}, async (page) => {
+  const goal = { targetM: { x: 0, y: 0, z: 0.02 }, toleranceM: 0.004, holdS: 5, heldS: 0, isHolding: false, isAtTarget: false };
+  server.world.task = { ...kTask, kind: 3, briefing: "Lift the tissue.", phase: 1, goal };
+  await until_shown(page, "#task", /take hold of the tissue · held for 0\.0 of 5 s/);
+  await page.locator("#task-find").waitFor({ state: "hidden" });
+  await page.locator("#task-stop").waitFor();
+  await drawn(page);
+  const ball = await picture(page);
+  const said = page.locator("#task [role=status]");
+  server.world.task = { ...server.world.task, goal: { ...goal, isHolding: true } };
+  await said.filter({ hasText: "The tissue is held." }).waitFor({ state: "attached" });
+  server.world.task = { ...server.world.task, goal: { ...goal, isHolding: true, isAtTarget: true, heldS: 1.2 } };
+  await said.filter({ hasText: "At the target: hold it." }).waitFor({ state: "attached" });
+  await until_shown(page, "#task", /at the target: hold it · held for 1\.2 of 5 s/);
+  server.world.task = { ...server.world.task, goal: { ...goal, isHolding: true, isAtTarget: true, heldS: 5 } };
+  await said.filter({ hasText: "Held for long enough." }).waitFor({ state: "attached" });
+  await until_shown(page, "#task", /held for 5\.0 of 5 s: done/);
+  server.world.task = undefined;
+  await page.locator("#task").waitFor({ state: "hidden" });
+  await drawn(page);
+  const without = await picture(page);
+  let changed = 0;
+  for (let i = 0; i < ball.pixels.length; i += ball.channels) if (Math.abs(ball.pixels[i] - without.pixels[i]) > 30) changed += 1;
+  assert.ok(changed > 30, `the ball is drawn: ${changed} pixels`);
+});
+
 page_test("in a replay a task offers nothing to press", {}, async (page) => {
   server.world.replay = { ...kReplay };
   server.world.task = { ...kTask, phase: 1 };

@@ -10,42 +10,17 @@
 
 #include "common/telemetry/summary.h"
 #include "common/telemetry/verdict/verdict.h"
+#include "viewer_node/recording/html_page.h"
 #include "viewer_node/recording/report_data.h"
 
 // the files of report_assets.S
 extern "C" const char palpate_report_js[], palpate_report_js_end[];
-extern "C" const char palpate_report_css[], palpate_report_css_end[];
 
 namespace palpate {
 namespace {
 
 const std::string_view kScript(palpate_report_js,
                                static_cast<std::size_t>(palpate_report_js_end - palpate_report_js));
-const std::string_view kStyle(palpate_report_css, static_cast<std::size_t>(palpate_report_css_end -
-                                                                           palpate_report_css));
-
-std::string escaped(const std::string& text) {
-  std::string html;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        html += "&lt;";
-        break;
-      case '>':
-        html += "&gt;";
-        break;
-      case '&':
-        html += "&amp;";
-        break;
-      case '"':
-        html += "&quot;";
-        break;
-      default:
-        html += c;
-    }
-  }
-  return html;
-}
 
 struct Run {
   explicit Run(RecordingFile& its_recording) : recording(its_recording) {}
@@ -58,7 +33,7 @@ std::string table(const Run& run) {
   const RunStatistics& s = run.report.run.figures.statistics;
   std::string html = "<table>\n";
   const auto line = [&](const std::string& what, const std::string& value) {
-    html += fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", what, escaped(value));
+    html += fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", what, html_escaped(value));
   };
   const auto reversals = s.reversals();
   line("file", recording.mcap().path());
@@ -96,8 +71,8 @@ std::string verdict_of(const Run& run) {
                         finding.grade == Grade::kBad    ? "error"
                         : finding.grade == Grade::kFair ? "warn"
                                                         : "info",
-                        name(finding.grade), escaped(finding.text),
-                        finding.remedy.empty() ? "" : ": " + escaped(finding.remedy));
+                        name(finding.grade), html_escaped(finding.text),
+                        finding.remedy.empty() ? "" : ": " + html_escaped(finding.remedy));
   }
   return html + "</table>\n";
 }
@@ -105,11 +80,12 @@ std::string verdict_of(const Run& run) {
 std::string html_of(const ReportSection& section) {
   std::string html = "<div>\n";
   for (const std::string& sentence : section.sentences) {
-    html += "<p>" + escaped(sentence) + "</p>\n";
+    html += "<p>" + html_escaped(sentence) + "</p>\n";
   }
   html += "<table>\n";
   for (const auto& [label, value] : section.figures) {
-    html += fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", escaped(label), escaped(value));
+    html +=
+        fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", html_escaped(label), html_escaped(value));
   }
   return html + "</table></div>\n";
 }
@@ -118,8 +94,9 @@ std::string events_of(const Run& run) {
   if (run.report.events.empty()) return "<p>None.</p>\n";
   std::string html = "<div class=\"scroll\"><table>\n";
   for (const ReportEvent& event : run.report.events) {
-    html += fmt::format("<tr class=\"{}\"><td>{:.3f} s</td><td>{}</td><td>{}</td></tr>\n",
-                        event.level, event.t_s, escaped(event.source), escaped(event.text));
+    html +=
+        fmt::format("<tr class=\"{}\"><td>{:.3f} s</td><td>{}</td><td>{}</td></tr>\n", event.level,
+                    event.t_s, html_escaped(event.source), html_escaped(event.text));
   }
   return html + "</table></div>\n";
 }
@@ -162,14 +139,9 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
     title += (&run == &runs.front() ? "" : " | ") + run.recording.name() + ", " +
              run.recording.about("controller");
   }
-  std::string html =
-      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; "
-      "style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n<title>" +
-      escaped(title) + "</title>\n<style>" + std::string(kStyle) +
-      "</style></head>\n<body class=\"" + (runs.size() > 1 ? "pair" : "") +
-      fmt::format("\" style=\"--runs: {}\">\n<h1>", runs.size()) + escaped(title) + "</h1>\n";
+  std::string html = html_head(title, fmt::format("class=\"{}\" style=\"--runs: {}\"",
+                                                  runs.size() > 1 ? "pair" : "", runs.size())) +
+                     "<h1>" + html_escaped(title) + "</h1>\n";
   const auto row = [&](const auto& cell_of) {
     html += "<div class=\"row\">\n";
     for (const Run& run : runs) html += "<div>" + cell_of(run) + "</div>\n";
@@ -178,8 +150,8 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
   for (const Run& run : runs) {
     const std::string damage = run.recording.damage();
     if (damage.empty()) continue;
-    html += "<p class=\"damage\" role=\"alert\">" + escaped(run.recording.mcap().path()) +
-            " is damaged; missing: " + escaped(damage) + "</p>\n";
+    html += "<p class=\"damage\" role=\"alert\">" + html_escaped(run.recording.mcap().path()) +
+            " is damaged; missing: " + html_escaped(damage) + "</p>\n";
   }
   row(table);
   html += "<h2>Verdict</h2>\n";
@@ -187,7 +159,7 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
   const auto titled = std::find_if(sections.begin(), sections.end(),
                                    [](const auto& one) { return !one.title.empty(); });
   if (titled != sections.end()) {
-    html += "<h2>" + escaped(titled->title) + "</h2>\n<div class=\"row\">\n";
+    html += "<h2>" + html_escaped(titled->title) + "</h2>\n<div class=\"row\">\n";
     for (const ReportSection& section : sections) html += html_of(section);
     html += "</div>\n";
   }
@@ -198,14 +170,16 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
   } else {
     html += "<p>Drag over a figure to zoom in, double-click to zoom out.</p>\n";
     for (std::size_t i = 0; i < report_titles().size(); ++i) {
-      html +=
-          fmt::format("<section data-figure=\"{}\"><h2>{}</h2>\n", i, escaped(report_titles()[i]));
+      html += fmt::format("<section data-figure=\"{}\"><h2>{}</h2>\n", i,
+                          html_escaped(report_titles()[i]));
       row([](const Run&) { return std::string("<div class=\"plot\"></div>"); });
       html += "</section>\n";
     }
   }
   html += "<h2>Session</h2>\n";
-  row([](const Run& run) { return "<pre>" + escaped(run.recording.about("session")) + "</pre>"; });
+  row([](const Run& run) {
+    return "<pre>" + html_escaped(run.recording.about("session")) + "</pre>";
+  });
   if (!kScript.empty()) {
     html += "<script type=\"application/json\" id=\"data\">" + data_of(runs) +
             "</script>\n<script>" + std::string(kScript) + "</script>\n";

@@ -87,6 +87,15 @@ void wire::put(const TaskState& task, v1::TaskState& to) {
   to.set_elapsed_s(task.elapsed_s);
   to.set_time_s(task.time_s);
   to.set_marks(task.marks);
+  if (task.traction) {
+    v1::TaskState::Traction& traction = *to.mutable_goal();
+    put(task.traction->target_m, *traction.mutable_target_m());
+    traction.set_tolerance_m(task.traction->tolerance_m);
+    traction.set_hold_s(task.traction->hold_s);
+    traction.set_held_s(task.traction->held_s);
+    traction.set_is_holding(task.traction->is_holding);
+    traction.set_is_at_target(task.traction->is_at_target);
+  }
   for (const std::string& finding : task.findings) to.add_findings(finding);
   for (const auto& [label, value] : task.figures) {
     v1::TaskState::Figure& figure = *to.add_figures();

@@ -46,7 +46,7 @@ TaskConfig to_shared_task(const Fields& fields, const Session& session) {
     fields.problem("task", "is for one device; leave it out of a session with sides");
   }
   const std::string kind = task.given_member("kind");
-  if (!session.physics_command.empty() && (kind == "palpation" || kind == "needle")) {
+  if (!session.physics_command.empty() && !kind.empty() && kind != "free") {
     task.problem(kind.c_str(),
                  "needs physics_node, whose tissue is known; leave it out with physics.command");
   }

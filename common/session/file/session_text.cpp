@@ -57,9 +57,6 @@ pb::TextFormat::Parser make_parser(ParserMessages& messages) {
 
 /// The field that the user may have meant, of the message or of one inside it; else all fields.
 std::string suggestion(const pb::Descriptor& message, std::string_view name) {
-  if (&message == v1::Task::descriptor() && name == "traction") {
-    return "it needs tissue that a tool can grasp, which does not exist yet; give another kind";
-  }
   std::string all;
   std::string inside;
   std::vector<std::string> fields;

@@ -13,6 +13,7 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "viewer_node/recording/recording_file.h"
+#include "viewer_node/task/class_page.h"
 #include "viewer_node/task/recorded_score.h"
 
 namespace palpate {
@@ -22,6 +23,7 @@ struct ScoreCommand {
   std::vector<std::string> files;
   std::string csv_file;
   std::string json_file;
+  std::string html_file;
   bool is_compared = false;
   bool may_overwrite = false;
 
@@ -35,11 +37,16 @@ struct ScoreCommand {
         ->type_name("FILE");
     app.add_option("--json", json_file, "write the scores to this file; - for standard output")
         ->type_name("FILE");
+    app.add_option("--html", html_file,
+                   "write all of it to this file as one page that loads nothing; - for standard "
+                   "output")
+        ->type_name("FILE");
     add_overwrite_flag(app, may_overwrite);
   }
 
   int run(const Verbosity& verbosity) const {
-    check_outputs({{"--csv", csv_file}, {"--json", json_file}}, files, may_overwrite);
+    check_outputs({{"--csv", csv_file}, {"--json", json_file}, {"--html", html_file}}, files,
+                  may_overwrite);
     OutputOptions output;
     output.json_file = json_file;
     output.may_overwrite = may_overwrite;
@@ -56,11 +63,13 @@ struct ScoreCommand {
           {file, score_of(recording, [&](double ratio) { progress.show((done + ratio) / all); })});
       status = std::max(status, status_of_damage(recording));
     }
-    const bool prints = csv_file != kStandardOutput && json_file != kStandardOutput;
+    const bool prints =
+        csv_file != kStandardOutput && json_file != kStandardOutput && html_file != kStandardOutput;
     if (prints && !verbosity.is_quiet) std::fputs(text_of(scores).c_str(), stdout);
     if (!csv_file.empty()) write_file("csv file", csv_file, table_csv(scores), may_overwrite);
+    if (!html_file.empty()) write_file("html file", html_file, class_html(scores), may_overwrite);
     json.write(table_json(scores));
-    say_written({csv_file, json_file}, verbosity);
+    say_written({csv_file, json_file, html_file}, verbosity);
     return status;
   }
 

@@ -129,6 +129,22 @@ TEST_F(Tasks, ATableOfRunsAndTheirDetection) {
               HasSubstr("coverage "));
 }
 
+TEST_F(Tasks, AClassIsOnePageThatLoadsNothingAndWhoseNamesAreText) {
+  const std::string name = path("<i>&\"anna.mcap");
+  ASSERT_EQ(palpate({"loopback", session_, "-q", "--seconds", "2", "--no-ideal", "--record", name})
+                .status,
+            0);
+  ASSERT_EQ(palpate({"score", name, name, "--html", path("class.html")}).status, 0);
+  const std::string html = text_of(path("class.html"));
+  // 2 s, in which the hand marks the ball once, without a lesion-free run
+  EXPECT_THAT(html, AllOf(HasSubstr("<h2>What was found</h2>"), HasSubstr("Sensitivity"),
+                          HasSubstr("no case"), HasSubstr("default-src 'none'"),
+                          HasSubstr("&lt;i&gt;&amp;&quot;anna.mcap")));
+  EXPECT_THAT(html, AllOf(testing::Not(HasSubstr("<i>")), testing::Not(HasSubstr("<script")),
+                          testing::Not(HasSubstr("http:")), testing::Not(HasSubstr("https:"))));
+  EXPECT_EQ(palpate({"score", name, "--html", path("class.html")}).status, 2) << "overwrites";
+}
+
 TEST_F(Tasks, WhatHasNoTaskIsRefused) {
   std::string plain = kSearch;
   plain.erase(plain.find("task {"), plain.find("viewer {") - plain.find("task {"));
@@ -252,6 +268,55 @@ TEST_F(Tasks, WhatAStiffHandDoesWithANeedleFollowsFromItsPath) {
   EXPECT_NEAR(flavum["puncture_depth_m"].get<double>() / gives_way_m, 1.0, 0.01);
   EXPECT_NEAR(flavum["punctured_after_s"].get<double>() / (5.125 + (gives_way_m - 0.028) / 0.0025),
               1.0, 0.01);
+}
+
+TEST_F(Tasks, TheGoodHandHoldsTheTissueAtTheTargetAndThePoorOneTearsIt) {
+  const auto run = [&](const char* session, const std::string& name) {
+    Outcome outcome = palpate({"loopback", kTasks + session, "--no-ideal", "--json",
+                               path(name + ".json"), "--record", path(name + ".mcap")});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return outcome;
+  };
+  const Outcome good = run("traction.txtpb", "good");
+  const json done = json::parse(text_of(path("good.json")))["task"];
+  EXPECT_EQ(done["kind"], "traction");
+  EXPECT_EQ(done["outcome"], "done") << good.out;
+  EXPECT_EQ(done["grips"], 1);
+  EXPECT_EQ(done["tears"], 0);
+  EXPECT_EQ(done["slips"], 0);
+  EXPECT_EQ(done["unknown_grip_ticks"], 0);
+  EXPECT_EQ(done["overshoot_n"], 0.0);
+  EXPECT_EQ(scored({path("good.mcap")})["runs"][path("good.mcap")], done);
+
+  const Outcome poor = run("traction_poor.txtpb", "poor");
+  const json torn = json::parse(text_of(path("poor.json")))["task"];
+  EXPECT_EQ(torn["outcome"], "torn") << poor.out;
+  EXPECT_EQ(torn["tears"], 1);
+  EXPECT_GT(torn["overshoot_n"].get<double>(), 0.0);
+  EXPECT_THAT(poor.out, HasSubstr("You tore the tissue after "));
+  EXPECT_EQ(scored({path("poor.mcap")})["runs"][path("poor.mcap")], torn);
+  EXPECT_THAT(palpate({"score", path("good.mcap"), path("poor.mcap")}).out,
+              AllOf(HasSubstr("  done, "), HasSubstr("  torn, ")));
+}
+
+// A hand that nothing deflects: its path gives times and ways.
+TEST_F(Tasks, WhatAStiffHandDoesWithAGripperFollowsFromItsPath) {
+  const Outcome outcome = palpate({"loopback", kTasks + "traction.txtpb", "--no-ideal", "--json",
+                                   path("stiff.json"), "--set", "hand.stiffness_newton_per_m=1e6",
+                                   "--set", "hand.damping_newton_s_per_m=2000"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json task = json::parse(text_of(path("stiff.json")))["task"];
+  // deploy/sessions/tasks/traction.csv: 3.5 mm until 2 s, 25.5 mm from 5 s on; the target is at
+  // 24 mm, 3 mm around it
+  const double reached_s = 2.0 + 3.0 * (0.021 - 0.0035) / 0.022;
+  EXPECT_NEAR(task["held_after_s"].get<double>() / 1.8, 1.0, 0.01);
+  EXPECT_NEAR(task["reached_after_s"].get<double>() / reached_s, 1.0, 0.01);
+  EXPECT_NEAR(task["done_after_s"].get<double>() / (reached_s + 5.0), 1.0, 0.01);
+  // until the tip is below 21 mm again, on the way down with 10 mm/s from 11.5 s on
+  EXPECT_NEAR(task["longest_s"].get<double>() / (11.5 + 0.45 - reached_s), 1.0, 0.01);
+  EXPECT_NEAR(task["within_ratio"].get<double>(), 1.0, 1e-6);
+  EXPECT_NEAR(task["retraction_m"].get<double>() / 0.022, 1.0, 0.01);
+  EXPECT_NEAR(task["path_m"].get<double>() / 0.093, 1.0, 0.01);
 }
 
 TEST_F(Tasks, ASeedGivesTheSameLesionsAndEachItsOwn) {

@@ -209,10 +209,44 @@ TEST(TaskRules, TheMembraneIsALayerAndWhatIsSparedLiesBehindIt) {
       Contains(HasSubstr("needs physics_node")));
 }
 
-TEST(TaskRules, TractionDoesNotExistAndIsRefusedWithTheReason) {
-  EXPECT_THAT(task_complaints("traction {}"),
-              Contains(HasSubstr("task.traction: no such field; it needs tissue that a tool can "
-                                 "grasp, which does not exist yet")));
+// --- traction ---
+
+std::string traction_session(const std::string& traction, const std::string& tool = "gripper {}",
+                             const std::string& more = "") {
+  return "name: \"x\" scene { tool { tip_radius_m: 0.006 " + tool + R"( }
+    tissue { name: "block" tetrahedral_mesh { file: "b.msh" }
+      elastic { young_pa: 1e4 fixed { half_space { point_m { z: -0.04 } } } } } }
+    task { )" +
+         more + "traction { " + traction + " } }";
+}
+
+TEST(TaskRules, ATractionIsReadWithItsDefaults) {
+  const Session session =
+      parse_session(traction_session("target_m { z: 0.02 }"), "x.txtpb", {}, "/tmp");
+  const TractionTask* traction = session.task->traction();
+  ASSERT_NE(traction, nullptr);
+  EXPECT_FALSE(session.task->hides_places());
+  EXPECT_EQ(traction->target_m, Vector3(0, 0, 0.02));
+  EXPECT_EQ(traction->tolerance_m, 0.003);
+  EXPECT_EQ(traction->hold_s, 5.0);
+}
+
+TEST(TaskRules, ATractionNeedsATargetAGripperAndElasticTissue) {
+  const auto wrong = [](const std::string& session) { return complaints(session, {}, "/tmp"); };
+  const std::string target = "target_m { z: 0.02 }";
+  EXPECT_THAT(wrong(traction_session("")), is_at("task.traction.target_m", "give the place in W"));
+  EXPECT_THAT(wrong(traction_session(target, "")), is_at("task.traction", "gripper"));
+  EXPECT_THAT(wrong(traction_session(target + " hold_s: 0")),
+              is_at("task.traction.hold_s", "leave it out"));
+  EXPECT_THAT(wrong(traction_session(target + " tolerance_m: 1")),
+              is_at("task.traction.tolerance_m", "leave it out"));
+  EXPECT_THAT(wrong(traction_session(target, "gripper {}", "mark_button: 1 ")),
+              is_at("task.mark_button", "marks nothing with traction"));
+  EXPECT_THAT(wrong(traction_session(target) + " physics { command: 'mine' }"),
+              Contains(AllOf(HasSubstr("task.traction"), HasSubstr("needs physics_node"))));
+  const std::string hard = R"(name: "x" scene { tool { tip_radius_m: 0.006 gripper {} }
+    tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 300 } } } task { traction { )";
+  EXPECT_THAT(wrong(hard + target + " } }"), Contains(HasSubstr("needs tissue that can be held")));
 }
 
 TEST(TaskRules, TargetsAndTheirLesionsAreTakenOut) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -48,6 +49,7 @@ struct Tip {
   Vector3 at_m = Vector3(0, 0, kTip_m + 0.01);
   double newton = 0.0;
   std::uint32_t buttons = 0;
+  std::optional<GripState> grip{};  // none: mofc_node's part of the tick is missing
 };
 
 /// Pressed so deep at a place of the plane.
@@ -63,6 +65,7 @@ inline TickRow row_of(std::uint64_t sequence, const Tip& tip, std::uint64_t devi
   row.device.measured_tool_position_world_m = tip.at_m;
   row.device.force_on_hand_newton = {0.0, 0.0, tip.newton};
   row.device.buttons = tip.buttons;
+  if (tip.grip) row.mofc.emplace().grip = *tip.grip;
   return row;
 }
 

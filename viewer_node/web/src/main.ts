@@ -109,6 +109,7 @@ const handlers: Record<string, Handler> = {
     telemetry.take_health(message, seconds(), sides.shown);
     hand.review();
     task.take(message);
+    view.set_goal(message.task?.goal ?? null);
     recordings.take(message.recorder);
     if (map && !task.has_ended) { // a replay that has gone back
       map = null;

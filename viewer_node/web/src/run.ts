@@ -6,6 +6,11 @@ import { TaskKind, type Health, type ReplayState, type RunRequest } from "./wire
 const kSpeeds = [0.1, 0.25, 0.5, 1, 2, 5];
 const kSeekKey_s = 1;
 
+/** Whether a mark of the person says something in such a task. */
+export function has_marks(kind: TaskKind): boolean {
+  return kind === TaskKind.palpation || kind === TaskKind.needle;
+}
+
 /** "1:03", "1:02:03". */
 export function clock_words(seconds: number): string {
   const whole = Math.max(0, Math.floor(seconds));
@@ -103,7 +108,7 @@ export class RunControl {
     this.health = health;
     const { recorder, replay } = health;
     this.record.hidden = !this.can_publish || !recorder?.isPossible || replay !== undefined;
-    this.marker.hidden = !this.can_publish || replay !== undefined || (health.task !== undefined && health.task.kind !== TaskKind.free); // its marks have their own button
+    this.marker.hidden = !this.can_publish || replay !== undefined || (health.task !== undefined && has_marks(health.task.kind)); // its marks have their own button
     this.text.hidden = this.marker.hidden;
     const is_recording = recorder?.isRecording ?? false;
     this.record.setAttribute("aria-pressed", String(is_recording));

@@ -2,12 +2,13 @@
 // task.ts: the task of a session for the person who does it: what is to be done, start, marks, stop,
 // score. In plain words; all of it by keyboard, and said to a screen reader.
 import { make, write } from "./card";
-import { clock_words } from "./run";
-import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskState } from "./wire";
+import { clock_words, has_marks } from "./run";
+import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskState, type Traction } from "./wire";
 
 /** What is said of a change; "" if nothing is. */
 export function task_news(before: TaskState | null, now: TaskState): string {
   if (!before || before.phase === now.phase) {
+    if (before?.goal && now.goal && now.phase === TaskPhase.running) return traction_news(before.goal, now.goal);
     if (!before || now.phase !== TaskPhase.running || now.marks <= before.marks) return "";
     return now.kind === TaskKind.palpation ? `Find ${now.marks} marked.` : now.kind === TaskKind.needle ? "Loss of resistance marked." : "";
   }
@@ -15,8 +16,24 @@ export function task_news(before: TaskState | null, now: TaskState): string {
   return now.phase === TaskPhase.ended ? `The task has ended. ${now.findings.join(" ")}` : "";
 }
 
-/** " · 2 finds marked" */
-function marks_words({ kind, marks }: TaskState): string {
+const is_done = ({ heldS, holdS }: Traction) => heldS >= holdS;
+
+function traction_news(before: Traction, now: Traction): string {
+  if (is_done(now) && !is_done(before)) return "Held for long enough.";
+  if (before.isAtTarget !== now.isAtTarget) return now.isAtTarget ? "At the target: hold it." : now.isHolding ? "Away from the target." : "The tissue is not held any more.";
+  return before.isHolding === now.isHolding ? "" : now.isHolding ? "The tissue is held." : "The tissue is not held any more.";
+}
+
+/** " · at the target: hold it · longest 1.2 of 5 s" */
+function traction_words(traction: Traction): string {
+  const where = traction.isAtTarget ? "at the target: hold it" : traction.isHolding ? "bring the tissue to the ball" : "take hold of the tissue";
+  const held = `${traction.heldS.toFixed(1)} of ${traction.holdS} s`;
+  return ` · ${where} · ${is_done(traction) ? `held for ${held}: done` : `held for ${held}`}`;
+}
+
+/** " · 2 finds marked"; of a traction how far it is. */
+function progress_words({ kind, marks, goal }: TaskState): string {
+  if (goal) return traction_words(goal);
   if (kind === TaskKind.palpation) return ` · ${marks} ${marks === 1 ? "find" : "finds"} marked`;
   return kind === TaskKind.needle && marks > 0 ? " · loss of resistance marked" : "";
 }
@@ -105,10 +122,10 @@ export class TaskPanel {
     write(this.title, has_ended ? "Score" : is_running ? "Task" : "Your task");
     write(this.briefing, task.briefing);
     this.briefing.hidden = has_ended || task.briefing === "";
-    write(this.progress, is_running ? time_words(task) + marks_words(task) : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
+    write(this.progress, is_running ? time_words(task) + progress_words(task) : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
     this.progress.hidden = has_ended || this.progress.textContent === "";
     this.start.hidden = task.phase !== TaskPhase.waiting || !may_act;
-    this.find.hidden = !is_running || task.kind === TaskKind.free || !may_act;
+    this.find.hidden = !is_running || !has_marks(task.kind) || !may_act;
     write(this.find, task.kind === TaskKind.needle ? "The resistance is lost (M)" : "Mark a find (M)");
     this.stop.hidden = !is_running || !may_act;
     this.findings.hidden = this.figures.hidden = !has_ended;

@@ -240,6 +240,16 @@ export interface TaskState {
   marks: number;
   findings: string[];
   figures: { label: string; value: string }[];
+  goal?: Traction; // of a traction
+}
+/** Where held tissue is to be brought. */
+export interface Traction {
+  targetM: Vector3; // of the centre of the tip, W
+  toleranceM: number;
+  holdS: number;
+  heldS: number; // the longest so far without a break
+  isHolding: boolean;
+  isAtTarget: boolean;
 }
 /** What of the surface was searched. */
 export interface TaskMap {
@@ -247,7 +257,7 @@ export interface TaskMap {
   isSearched: Uint8Array; // of each place, 0 or 1
 }
 export enum TaskPhase { waiting, running, ended }
-export enum TaskKind { free, palpation, needle }
+export enum TaskKind { free, palpation, needle, traction }
 export enum MarkerKind { note, task_start, task_stop }
 export interface ReplayState {
   file: string;

@@ -199,6 +199,29 @@ NeedleTask to_needle(const Fields& fields, const SceneConfig& scene) {
   return task;
 }
 
+TractionTask to_traction(const Fields& fields, const SceneConfig& scene) {
+  TractionTask task;
+  task.tolerance_m = fields.number("tolerance_m");
+  task.hold_s = fields.number("hold_s");
+  if (fields.has("target_m")) {
+    task.target_m = fields.vector("target_m");
+  } else {
+    fields.problem("target_m",
+                   "required; give the place in W to which the tissue is to be brought");
+  }
+  if (!scene.gripper) {
+    fields.problem("needs a tool that can take hold; give scene { tool { gripper { … } } }");
+  }
+  const bool has_elastic =
+      std::any_of(scene.tissues.begin(), scene.tissues.end(), [](const TissueConfig& one) {
+        return std::holds_alternative<ElasticMaterial>(one.material);
+      });
+  if (!has_elastic) {
+    fields.problem("needs tissue that can be held; give a tissue of the scene elastic { … }");
+  }
+  return task;
+}
+
 }  // namespace
 
 TaskConfig to_task(const Fields& fields, const SceneConfig& scene) {
@@ -219,10 +242,16 @@ TaskConfig to_task(const Fields& fields, const SceneConfig& scene) {
   if (kind.empty()) {
     fields.problem(
         "a kind is required; give palpation { tissue: … target { … } }, needle { layer: "
-        "… membrane: … } or free {}");
+        "… membrane: … }, traction { target_m { … } } or free {}");
   }
   if (kind == "palpation") task.kind = to_palpation(fields.message("palpation"), scene);
   if (kind == "needle") task.kind = to_needle(fields.message("needle"), scene);
+  if (kind == "traction") {
+    task.kind = to_traction(fields.message("traction"), scene);
+    if (task.mark_button) {
+      fields.problem("mark_button", "marks nothing with traction; leave it out");
+    }
+  }
   return task;
 }
 

@@ -57,6 +57,8 @@ export class SceneView {
   private others = tips(0, new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
   private readonly target: Mesh<SphereGeometry, MeshBasicMaterial>;
   private readonly tether: Line<BufferGeometry, LineDashedMaterial>;
+  private readonly goal = new Mesh(new SphereGeometry(1, 16, 12), goal_material()); // of a traction
+  private goal_key = "";
   private readonly map = new Points(new BufferGeometry(), map_material()); // what was searched
   private readonly reach = new Box3Helper(new Box3()); // what the tool reaches
   private readonly lamp = new DirectionalLight(0xfff6ec, 2.7);
@@ -100,9 +102,9 @@ export class SceneView {
 
     this.target = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.55, fog: false }));
     this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
-    this.target.visible = this.tether.visible = this.reach.visible = this.map.visible = false;
+    this.target.visible = this.tether.visible = this.reach.visible = this.goal.visible = this.map.visible = false;
     Object.assign(this.reach.material as LineBasicMaterial, { transparent: true, opacity: 0.7, fog: false });
-    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach, this.others, this.map);
+    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach, this.others, this.goal, this.map);
   }
 
   /** Replaces the scene; keeps the camera if the user has moved it. */
@@ -243,6 +245,21 @@ export class SceneView {
     this.is_changed = true;
   }
 
+  /** The ball to which held tissue is to be brought; null hides it. */
+  set_goal(goal: { targetM: Vector3; toleranceM: number; isAtTarget: boolean } | null): void {
+    const key = goal ? [goal.targetM.x, goal.targetM.y, goal.targetM.z, goal.toleranceM, goal.isAtTarget].join() : "";
+    if (key === this.goal_key) return;
+    this.goal_key = key;
+    this.goal.visible = goal !== null;
+    if (goal) {
+      this.goal.position.set(goal.targetM.x, goal.targetM.y, goal.targetM.z);
+      this.goal.scale.setScalar(goal.toleranceM);
+      this.goal.material.wireframe = !goal.isAtTarget; // filled: told apart without colour
+      this.goal.material.opacity = goal.isAtTarget ? 0.45 : 0.9;
+    }
+    this.is_changed = true;
+  }
+
   /** What of the surface was searched, as points on it; null hides it. */
   set_map(map: { places: Float32Array; is_searched: Uint8Array } | null): void {
     this.map.visible = map !== null;
@@ -266,6 +283,7 @@ export class SceneView {
     for (const tool of this.tools) tool.set_theme(theme);
     (this.others.material as MeshStandardMaterial).color.set(theme.tool);
     this.target.material.color.set(theme.target);
+    this.goal.material.color.set(theme.target);
     this.tether.material.color.set(theme.target);
     (this.reach.material as LineBasicMaterial).color.set(theme.target);
     this.place_surroundings();
@@ -526,6 +544,11 @@ function tips(count: number, material: MeshStandardMaterial): InstancedMesh {
 }
 
 /** Points that lie on surfaces are drawn before them. */
+/** Seen through the tissue. */
+function goal_material(): MeshBasicMaterial {
+  return new MeshBasicMaterial({ wireframe: true, transparent: true, depthTest: false, depthWrite: false });
+}
+
 function map_material(): PointsMaterial {
   const made = new PointsMaterial({ vertexColors: true, fog: false });
   made.onBeforeCompile = (shader) => {

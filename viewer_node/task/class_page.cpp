@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "viewer_node/task/class_page.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+
+#include "common/telemetry/summary.h"
+#include "viewer_node/recording/html_page.h"
+
+namespace palpate {
+namespace {
+
+/// A column of the table.
+struct Column {
+  const char* title;
+  std::function<std::string(const TaskScore&)> cell;
+};
+
+std::vector<Column> columns_of(const std::vector<NamedScore>& scores) {
+  const auto any = [&](const auto& is) {
+    return std::any_of(scores.begin(), scores.end(),
+                       [&](const NamedScore& one) { return is(one.score); });
+  };
+  std::vector<Column> columns{{"task", [](const TaskScore& s) { return name(s.kind); }}};
+  if (any([](const TaskScore& s) { return s.is_search(); })) {
+    columns.push_back({"found", [](const TaskScore& s) {
+                         if (!s.is_search()) return std::string("–");
+                         return fmt::format("{} of {}", s.count(TargetScore::Outcome::kFound),
+                                            s.targets.size());
+                       }});
+    columns.push_back({"false alarms", [](const TaskScore& s) {
+                         if (!s.is_search()) return std::string("–");
+                         return std::to_string(s.count(MarkScore::Outcome::kFalseAlarm));
+                       }});
+    columns.push_back({"searched, %", [](const TaskScore& s) {
+                         return figure(100.0 * s.coverage_ratio, "{:.0f}");
+                       }});
+  }
+  if (any([](const TaskScore& s) { return !outcome_of(s).empty(); })) {
+    columns.push_back({"outcome", [](const TaskScore& s) {
+                         std::string outcome = outcome_of(s);
+                         std::replace(outcome.begin(), outcome.end(), '_', ' ');
+                         return outcome.empty() ? std::string("–") : outcome;
+                       }});
+  }
+  columns.push_back({"time, s", [](const TaskScore& s) { return figure(s.time_s, "{:.1f}"); }});
+  columns.push_back({"force, median, N",
+                     [](const TaskScore& s) { return figure(s.force.median_newton, "{:.2f}"); }});
+  columns.push_back(
+      {"force, 95 %, N", [](const TaskScore& s) { return figure(s.force.p95_newton, "{:.2f}"); }});
+  columns.push_back(
+      {"force, most, N", [](const TaskScore& s) { return figure(s.force.most_newton, "{:.2f}"); }});
+  columns.push_back({"beyond the limit, N",
+                     [](const TaskScore& s) { return figure(s.overshoot_newton, "{:.2f}"); }});
+  columns.push_back({"path, m", [](const TaskScore& s) { return figure(s.path_m, "{:.3f}"); }});
+  columns.push_back({"telemetry missing, %", [](const TaskScore& s) {
+                       return figure(100.0 * s.missing_ratio(), "{:.2f}");
+                     }});
+  return columns;
+}
+
+std::string short_name(const std::string& run) {
+  return std::filesystem::path(run).filename().string();
+}
+
+std::string share_row(const char* what, const CountedShare& share, const char* of) {
+  const std::string value =
+      share.cases == 0 ? "no case"
+                       : fmt::format("{:.0f} %: {} of {} {}; 95 % interval {:.0f} … {:.0f} %",
+                                     100.0 * share.ratio(), share.hits, share.cases, of,
+                                     100.0 * share.low(), 100.0 * share.high());
+  return fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", what, value);
+}
+
+std::string detection_html(const DetectionFigures& detection) {
+  if (detection.runs == 0) return "";
+  return "<h2>What was found</h2>\n<table>\n" +
+         share_row("Sensitivity", detection.sensitivity, "lesions were found") +
+         share_row("Specificity", detection.specificity, "runs without a lesion had no mark") +
+         fmt::format("<tr><th scope=\"row\">False alarms</th><td>{} in {} {}</td></tr>\n</table>\n",
+                     detection.false_alarms, detection.runs,
+                     detection.runs == 1 ? "search" : "searches");
+}
+
+std::string table_html(const std::vector<NamedScore>& scores) {
+  const std::vector<Column> columns = columns_of(scores);
+  // focusable: a keyboard scrolls it
+  std::string html =
+      "<h2 id=\"runs\">Runs</h2>\n<div class=\"wide\" tabindex=\"0\" role=\"region\" "
+      "aria-labelledby=\"runs\"><table>\n<thead><tr><th scope=\"col\">run</th>";
+  for (const Column& column : columns) {
+    html += fmt::format("<th scope=\"col\">{}</th>", column.title);
+  }
+  html += "</tr></thead>\n<tbody>\n";
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    html += fmt::format("<tr><th scope=\"row\"><a href=\"#run-{}\">{}</a></th>", i,
+                        html_escaped(short_name(scores[i].run)));
+    for (const Column& column : columns) {
+      html += "<td>" + html_escaped(column.cell(scores[i].score)) + "</td>";
+    }
+    html += "</tr>\n";
+  }
+  return html + "</tbody></table></div>\n";
+}
+
+std::string run_html(const NamedScore& one, std::size_t index) {
+  std::string html = fmt::format("<h3 id=\"run-{}\">{}</h3>\n<p class=\"path\">{}</p>\n<ul>\n",
+                                 index, html_escaped(short_name(one.run)), html_escaped(one.run));
+  for (const std::string& finding : findings_of(one.score)) {
+    html += "<li>" + html_escaped(finding) + "</li>\n";
+  }
+  html += "</ul>\n<details><summary>Figures</summary><table>\n";
+  for (const auto& [label, value] : figures_of(one.score)) {
+    html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", html_escaped(label),
+                        html_escaped(value));
+  }
+  return html + "</table></details>\n";
+}
+
+}  // namespace
+
+std::string class_html(const std::vector<NamedScore>& scores) {
+  const std::string title =
+      fmt::format("Palpate: {} {}", scores.size(), scores.size() == 1 ? "run" : "runs");
+  std::string html = html_head(title, "class=\"pair\"") + "<main>\n<h1>" + title + "</h1>\n" +
+                     detection_html(detection_of(scores)) + table_html(scores) +
+                     "<h2>What was said of each</h2>\n";
+  for (std::size_t i = 0; i < scores.size(); ++i) html += run_html(scores[i], i);
+  return html + "</main></body></html>\n";
+}
+
+}  // namespace palpate
