@@ -90,19 +90,28 @@ bool DeviceNode::may_push(const DeviceSample& sample) noexcept {
   return false;
 }
 
-/// The small push before the first force. No command acts; what the push costs is booked as that of
-/// any force, so that it is a debt.
-FaultReason DeviceNode::check_motors(const DeviceSample& sample, TimePoint deadline,
-                                     DeviceTick& record) noexcept {
-  const Vector3 push_newton = motor_check_.next(sample.sampled_at, sample.hand_position_m);
+/// The small push before the first force, and the tick that ends it. No command acts, nothing is
+/// sent, and no account counts: they begin anew with the next reading.
+FaultReason DeviceNode::check_motors(const DeviceSample& sample, bool may_push_now,
+                                     TimePoint deadline, DeviceTick& record) noexcept {
+  is_unbooked_ = true;
+  follow_applied(sample, details_of(sample));
+  record_last_reading(record);
+  record.is_clutched = workspace_.is_clutched();
+  record.buttons = sample.buttons;
+  record_acted(record);
+  notify_observer(record);
   guard_.reset();
-  is_pushing_ = true;
+  if (!must_check_motors_ || !may_push_now) {  // enabled, or interrupted by the button
+    if (release_once()) begin_anew();  // or the next tick is a fault
+    restart_frozen();
+    return FaultReason::kNone;
+  }
+  const Vector3 push_newton = motor_check_.next(sample.sampled_at, sample.hand_position_m);
   record.force_on_hand_newton = push_newton;
   const FaultReason reason =
       switch_to({.force_on_hand_newton = push_newton, .lease = config_.lease}, deadline, record);
-  is_pushing_ = false;
   guard_.reset();
-  restart_frozen();
   if (reason != FaultReason::kNone) return reason;
   motor_check_.applied(record.force_on_hand_newton);
   counters_.checked_motor_gain = motor_check_.gain_at_least();
@@ -198,9 +207,11 @@ void DeviceNode::acknowledge(const SeenDevice& seen) noexcept {
   acknowledge();
 }
 
-/// After a fault or a calibration, motors released. What the encoder did meanwhile is not known:
-/// the echo begins anew, which mofc_node takes as a gap.
+/// After a fault, a calibration or the check of the motors, motors released. What the encoder or the
+/// hand did meanwhile is not known: the echo begins anew, which mofc_node takes as a gap, and a
+/// debt from before stays.
 void DeviceNode::begin_anew() noexcept {
+  is_unbooked_ = false;
   judge_.begin();
   measured_.begin();
   applied_ = AppliedForces(device_.specification().has_motor_watchdog);

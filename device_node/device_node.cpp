@@ -119,6 +119,11 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   record.sampled_at = sample.sampled_at;
   if (recorded_until_ == sample.sampled_at) ++counters_.repeated_readings;
   if (reading != FaultReason::kNone) return reading;
+  const TimePoint deadline = sample.sampled_at + config_.reply;
+  const bool may_push_now = may_push(sample);
+  if (is_unbooked_ || (must_check_motors_ && may_push_now)) {
+    return check_motors(sample, may_push_now, deadline, record);
+  }
   const DeviceState& state = make_state(sample, record.sequence);
   // its check judges the motors by the positions
   if (must_check_motors_) {
@@ -144,7 +149,6 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   state_out_.send(state);
 
   // wait: hop 4
-  const TimePoint deadline = sample.sampled_at + config_.reply;
   if (!device_.specification().is_simulated) {
     const bool is_plausible =
         frozen_.read(sample.sampled_at, sample.hand_position_m, counted_force_newton_);
@@ -155,8 +159,6 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
           .is_good = is_plausible});
     if (!is_plausible) return FaultReason::kPositionFrozen;
   }
-  const bool may_push_now = may_push(sample);
-  if (must_check_motors_ && may_push_now) return check_motors(sample, deadline, record);
   if (must_check_motors_) motor_check_.begin();
   const bool has_consent = may_push_now && !frozen_.is_frozen();
   if (frozen_.is_frozen()) ++counters_.frozen_ticks;
@@ -208,7 +210,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
                                  ? judge_with_latched(at_switch)
                                  : reason_of(device_.last_error(), FaultReason::kWriteFailed);
   if (reason != FaultReason::kNone) {
-    if (!is_applied) monitor_.failed(guarded.force_on_hand_newton);
+    if (!is_applied && !is_unbooked_) monitor_.failed(guarded.force_on_hand_newton);
     record.force_on_hand_newton.setZero();
     record.is_peak_limited = false;
     return reason;
@@ -222,8 +224,10 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
   }
   applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
                     guarded.lease);
-  monitor_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
-                    guarded.lease, details_of(at_switch));
+  if (!is_unbooked_) {
+    monitor_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
+                      guarded.lease, details_of(at_switch));
+  }
   record.switched_at = at_switch.sampled_at;
   if (!must_check_motors_ &&
       !measured_.message(at_switch.hand_position_m, guarded.force_on_hand_newton,
@@ -236,7 +240,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
 
 /// What the monitor lets through of a force.
 GuardedForce DeviceNode::monitored(const GuardedForce& guarded, DeviceTick& record) noexcept {
-  if (!config_.monitor.is_on || is_pushing_) return guarded;
+  if (!config_.monitor.is_on || is_unbooked_) return guarded;
   const ForceMonitor::Covered covered = monitor_.cover(guarded.force_on_hand_newton, guarded.lease);
   if (!covered.is_reduced) return guarded;
   GuardedForce less = guarded;
@@ -306,7 +310,7 @@ FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept 
     const FaultReason reason = judge(latched);
     if (reason != FaultReason::kNone) return reason;
     applied_.ran_out(latched.hand_position_m);
-    monitor_.ended(latched.hand_position_m);
+    if (!is_unbooked_) monitor_.ended(latched.hand_position_m);
   }
   return judge(sample);
 }
@@ -336,17 +340,22 @@ const DeviceState& DeviceNode::make_state(const DeviceSample& sample,
   state.tool_orientation_world = sample.orientation;
   state.buttons = sample.buttons;
   state.is_clutched = workspace_.is_clutched();
+  const ReadingDetails details = details_of(sample);
+  follow_applied(sample, details);
+  applied_.report_in(state);
+  monitor_.read(sample.sampled_at, sample.hand_position_m, details);
+  if (config_.monitor.is_on) state.monitor_energy_joule = monitor_.coverable_joule();
+  return state;
+}
+
+void DeviceNode::follow_applied(const DeviceSample& sample,
+                                const ReadingDetails& details) noexcept {
   if (applied_.has_begun()) {
     applied_.read(sample.sampled_at, sample.hand_position_m);
   } else {
     applied_.begin(sample.sampled_at);
   }
-  const ReadingDetails details = details_of(sample);
   if (details.acting_newton) applied_.acts_on(*details.acting_newton);
-  applied_.report_in(state);
-  monitor_.read(sample.sampled_at, sample.hand_position_m, details);
-  if (config_.monitor.is_on) state.monitor_energy_joule = monitor_.coverable_joule();
-  return state;
 }
 
 ReadingDetails DeviceNode::details_of(const DeviceSample& sample) const noexcept {

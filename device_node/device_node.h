@@ -21,8 +21,9 @@
 // the force at once. A fault is latched: the motors are released, in every tick until the device
 // confirms it, and nothing is sent. The node keeps reading and leaves records until acknowledge().
 // A real device gives no force before a person has acknowledged it, after the start and after each
-// fault, and before motor_check.h has pushed it a little and seen that it gives way; while it is
-// not calibrated, nothing is sent either. Readings of a real device that stand still although a
+// fault, and before motor_check.h has pushed it a little and seen that it gives way. Nothing is
+// sent while it pushes, and the accounts begin anew after it: the promise about energy is one from
+// then on. While it is not calibrated, nothing is sent either. Readings of a real device that stand still although a
 // force acts end the force until they differ: frozen_watch.h. Measured forces that are not those
 // that the accounts count are a fault: measured_work.h. Thread: everything runs on the
 // caller's thread. step() does not allocate, lock, log or throw; it waits up to `reply` for the
@@ -135,8 +136,8 @@ class DeviceNode {
   [[nodiscard]] GuardedForce monitored(const GuardedForce& guarded, DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason withdraw_late_answer(DeviceTick& record) noexcept;
   [[nodiscard]] bool may_push(const DeviceSample& sample) noexcept;
-  [[nodiscard]] FaultReason check_motors(const DeviceSample& sample, TimePoint deadline,
-                                         DeviceTick& record) noexcept;
+  [[nodiscard]] FaultReason check_motors(const DeviceSample& sample, bool may_push_now,
+                                         TimePoint deadline, DeviceTick& record) noexcept;
   [[nodiscard]] bool reset_fault() noexcept;
   [[nodiscard]] bool calibrate_or_enable() noexcept;
   void begin_anew() noexcept;
@@ -154,6 +155,7 @@ class DeviceNode {
   void note_state(TimePoint now) noexcept;
   void record_last_reading(DeviceTick& record) const noexcept;
   void record_acted(DeviceTick& record) noexcept;
+  void follow_applied(const DeviceSample& sample, const ReadingDetails& details) noexcept;
   [[nodiscard]] ReadingDetails details_of(const DeviceSample& sample) const noexcept;
   void notify_observer(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;
@@ -192,7 +194,7 @@ class DeviceNode {
   bool is_acknowledged_;                     // by a person, since the start or the last fault
   bool was_let_go_ = false;                  // the dead-man button, since then
   bool must_check_motors_;                   // before a force, since the start or the last fault
-  bool is_pushing_ = false;                  // the check's own force, which is not covered
+  bool is_unbooked_ = false;                 // the check's own force, which no account counts
   bool is_released_ = true;                  // the device confirmed the last release
   Duration slept_{};                         // since the last step
   TimePoint reopens_at_{};                   // next attempt to reach a lost device

@@ -113,16 +113,8 @@ class DevicePrompts {
       : log_(log), calibration_(std::move(calibration)) {}
 
   /// @param vain_acknowledgements  DeviceNode::vain_acknowledgements()
-  /// @param monitor_joule          DeviceNode::monitor_joule()
-  void note(DevicePhase phase, std::uint64_t vain_acknowledgements, double monitor_joule) {
-    const DevicePhase before = told_.exchange(phase);
-    const bool is_new = before != phase;
-    if (before == DevicePhase::kChecking && phase == DevicePhase::kEnabled) {
-      log_.info(
-          "event=motors_checked booked_mj={:.1f}: what the push may have given the hand; little "
-          "above f_co acts until the hand has put it in: press and move, a few times",
-          1e3 * std::min(0.0, monitor_joule));
-    }
+  void note(DevicePhase phase, std::uint64_t vain_acknowledgements) {
+    const bool is_new = told_.exchange(phase) != phase;
     const bool was_in_vain = std::exchange(vain_, vain_acknowledgements) != vain_acknowledgements;
     if (was_in_vain && phase == DevicePhase::kConnected) {
       log_.warn("event=acknowledgement_in_vain: the device did not take its calibration");
@@ -288,10 +280,9 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   publisher.peers_refused = [&] { return side.refused().total(); };
   TickWatch ticks_watched;
   std::atomic<std::uint64_t> vain_acknowledgements{0};
-  std::atomic<double> monitor_joule{0.0};
   DevicePrompts prompts(context.log, device->specification().calibration);
   publisher.on_pump = [&](TimePoint now) {
-    prompts.note(counters.load().phase, vain_acknowledgements, monitor_joule);
+    prompts.note(counters.load().phase, vain_acknowledgements);
     if (!context.stop.stop_requested() && ticks_watched.hangs(counters.load().loop.ticks, now)) {
       context.log.error(
           "event=device_hangs: a call of {} has not returned for 2 s, so nothing is read and no "
@@ -333,7 +324,6 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());
     vain_acknowledgements = node.vain_acknowledgements();
-    monitor_joule = node.monitor_joule();
   });
   const bool is_released =
       released_within(std::chrono::milliseconds(500), context.clock, [&] { return node.stop(); });

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -155,6 +156,50 @@ TEST_P(WiredVices, ThePushNeedsTheDeadManButtonAndBeginsAnewWithIt) {
   EXPECT_EQ(bench.node.phase(), DevicePhase::kChecking) << "from the first axis again";
   static_cast<void>(pushes(1, 4000));
   EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
+}
+
+/// What the push gives a hand is in no account: force follows at once, and gives none.
+TEST_P(WiredVices, TheAccountsBeginAsItIsEnabled) {
+  const HandConfig hand = {
+      .mass_kg = 0.15,
+      .stiffness_newton_per_m = 1000.0,
+      .damping_newton_s_per_m = 6.0,
+      .path = SinusoidPath{.amplitude_m = Vector3(0.02, 0, 0.02), .frequency_hz = Vector3(1, 0, 1.3)}};
+  const DeviceConfig config = checked_config();
+  DeviceNodeBench<Opened> bench(config, spec(config, hand, WireFault::kNone));
+  HostileCommands commands(3, 3.3);
+  std::optional<double> before_joule;  // as the accounts begin
+  double most_unbooked_joule = 0.0;
+  int states_in_check = 0;
+  bench.on_state = [&](const DeviceState& state) {
+    const double true_joule = bench.device.true_state().energy_joule;
+    if (bench.node.phase() == DevicePhase::kChecking) ++states_in_check;
+    if (bench.node.phase() == DevicePhase::kEnabled) {
+      if (!before_joule) before_joule = true_joule - bench.node.monitor_joule();
+      most_unbooked_joule = std::max(
+          most_unbooked_joule, bench.node.monitor_joule() - (true_joule - *before_joule));
+    }
+    bench.send_answer(state.header.session_id, state.header.sequence,
+                      commands.next(state.hand_position_m));
+  };
+  for (int i = 0; i < 100; ++i) bench.tick();
+  bench.node.acknowledge();
+  for (int i = 0; i < 20'000 && bench.node.phase() != DevicePhase::kEnabled; ++i) bench.tick();
+  ASSERT_EQ(bench.node.phase(), DevicePhase::kEnabled);
+  EXPECT_EQ(states_in_check, 0);
+  double newton = 0.0;
+  double least_joule = 0.0;
+  for (int i = 0; i < 5000; ++i) {
+    bench.tick();
+    if (i < 500) newton = std::max(newton, bench.ticks.back().force_on_hand_newton.norm());
+    if (before_joule) {
+      least_joule = std::min(least_joule, bench.device.true_state().energy_joule - *before_joule);
+    }
+  }
+  EXPECT_GT(newton, 0.4) << "no debt holds it at f_co";
+  ASSERT_TRUE(before_joule);
+  EXPECT_GE(least_joule, -1e-6);
+  EXPECT_LE(most_unbooked_joule, 1e-6);
 }
 
 /// With hostile commands, before a hand that may draw from each.
