@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # palpate_web_page(OUT_FOLDER FILES_VARIABLE): index.html, app.js.gz and app.css.gz of the page in
-# viewer_node/web, built by npm, or of a notice; report.js and report.css, empty without npm. viewer_node/server/build_page.cmake does the work.
+# viewer_node/web, built by npm, or of a notice; report.js, report.css, stations.html and stations.js,
+# empty without npm. viewer_node/server/build_page.cmake does the work.
 
 set(PALPATE_WEB "AUTO" CACHE STRING "viewer_node's page, built by npm: AUTO (if it can be), ON or OFF")
 set_property(CACHE PALPATE_WEB PROPERTY STRINGS AUTO ON OFF)
@@ -8,7 +9,9 @@ set_property(CACHE PALPATE_WEB PROPERTY STRINGS AUTO ON OFF)
 function(palpate_web_page out files)
   set(folder ${CMAKE_CURRENT_SOURCE_DIR}/web)
   set(notice ${CMAKE_CURRENT_SOURCE_DIR}/server/no_page.html)
-  set(results ${out}/index.html ${out}/app.js.gz ${out}/app.css.gz ${out}/report.js ${out}/report.css)
+  set(parts app.js.gz app.css.gz report.js report.css stations.html stations.js)
+  list(TRANSFORM parts PREPEND ${out}/)
+  set(results ${out}/index.html ${parts})
   set(${files} ${results} PARENT_SCOPE)
   file(MAKE_DIRECTORY ${out})
 
@@ -23,10 +26,9 @@ function(palpate_web_page out files)
   endif()
   if(PALPATE_WEB STREQUAL "OFF" OR NOT can_build)
     configure_file(${notice} ${out}/index.html COPYONLY)
-    file(WRITE ${out}/app.js.gz "")
-    file(WRITE ${out}/app.css.gz "")
-    file(WRITE ${out}/report.js "")
-    file(WRITE ${out}/report.css "")
+    foreach(part IN LISTS parts)
+      file(WRITE ${part} "")
+    endforeach()
     return()
   endif()
 

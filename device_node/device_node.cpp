@@ -118,6 +118,9 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   const FaultReason reading = judge_with_latched(sample);
   record.sampled_at = sample.sampled_at;
   if (recorded_until_ == sample.sampled_at) ++counters_.repeated_readings;
+  if (reading == FaultReason::kPositionJumped && frozen_.is_frozen()) {
+    return FaultReason::kPositionFrozen;  // it stood still until now
+  }
   if (reading != FaultReason::kNone) return reading;
   const TimePoint deadline = sample.sampled_at + config_.reply;
   const bool may_push_now = may_push(sample);

@@ -8,8 +8,12 @@
 namespace palpate {
 
 void HandMotion::add(double t_s, const Vector3& position_m) {
-  if (!begin_s_) begin_s_ = t_s;
+  if (!begin_s_) {
+    begin_s_ = t_s;
+    first_m_ = position_m;
+  }
   end_s_ = t_s;
+  last_m_ = position_m;
   const auto slot = static_cast<std::int64_t>(std::floor((t_s - *begin_s_) / kSlot_s + 1e-9));
   if (slot != slot_) end_slot();
   slot_ = slot;
@@ -17,7 +21,10 @@ void HandMotion::add(double t_s, const Vector3& position_m) {
   ++count_;
 }
 
-void HandMotion::finish() { end_slot(); }
+void HandMotion::finish() {
+  end_slot();
+  if (known_ > 0) path_m_ += (last_m_ - last_[0].position_m).norm();
+}
 
 void HandMotion::end_slot() {
   if (count_ == 0) return;
@@ -26,7 +33,10 @@ void HandMotion::end_slot() {
   known_ = std::min(known_ + 1, last_.size());
   sum_m_.setZero();
   count_ = 0;
-  if (known_ < 2) return;
+  if (known_ < 2) {
+    path_m_ = (last_[0].position_m - first_m_).norm();
+    return;
+  }
   const double step_m = (last_[0].position_m - last_[1].position_m).norm();
   path_m_ += step_m;
   const double step_s = kSlot_s * static_cast<double>(last_[0].slot - last_[1].slot);

@@ -12,8 +12,8 @@
 
 namespace palpate {
 
-/// Of means over 50 ms, so that the steps of an encoder neither lengthen the path nor make it
-/// rough. A slot without a position is bridged by a straight line and left out of the smoothness.
+/// Of the first place, means over 50 ms and the last place, so that the steps of an encoder neither
+/// lengthen the path nor make it rough. A slot without a position is bridged by a straight line and left out of the smoothness.
 class HandMotion {
  public:
   static constexpr double kSlot_s = 0.05;
@@ -38,6 +38,8 @@ class HandMotion {
   std::optional<double> begin_s_;
   double end_s_ = 0.0;
   std::int64_t slot_ = 0;
+  Vector3 first_m_ = Vector3::Zero();
+  Vector3 last_m_ = Vector3::Zero();
   Vector3 sum_m_ = Vector3::Zero();
   std::uint64_t count_ = 0;
   std::array<Mean, 4> last_{};  // newest first

@@ -2,9 +2,8 @@
 // page.test.mjs: the page in a real Chromium, over the simulated session of support/mock_server.mjs.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { after, before, test } from "node:test";
-import { at_most, drawn, late_pages, launch, open, picture, scene_signature, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+import { at_most, drawn, late_pages, launch, open, picture, scene_signature, status, until, until_pixels_change, until_text, violations } from "./support/browser.mjs";
 import { patience } from "./support/machine.mjs";
 import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
@@ -1257,13 +1256,6 @@ page_test("a finger that does not take the tool scrolls the page over the pictur
   await page.waitForFunction(() => scrollY > 100);
 });
 
-const kAxe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
-/** Violations of WCAG 2.2 A and AA and of axe-core's best practices. */
-async function violations(page) {
-  await page.addScriptTag({ path: kAxe }).catch(() => page.evaluate(readFileSync(kAxe, "utf8")));
-  const { violations: found } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
-  return found.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.map(({ target }) => target).join(", ")}`);
-}
 const kAxeStates = {
   "a session": () => {},
   "a replay": () => {

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # cmake -DSOURCE=<web folder> -DWORK=<folder> -DOUT=<folder> -DNPM=<npm> -DGZIP=<gzip>
 #       -DREQUIRED=<ON|OFF> -DNOTICE=<html> -P build_page.cmake
-# Builds the page in WORK and leaves index.html, app.js.gz, app.css.gz, report.js and report.css in
-# OUT. If npm fails and
-# the page is not REQUIRED, OUT gets the notice instead.
+# Builds the page in WORK and leaves index.html, app.js.gz, app.css.gz, report.js, report.css,
+# stations.html and stations.js in OUT. If npm fails and the page is not REQUIRED, OUT gets the
+# notice instead.
 
 function(run)
   execute_process(COMMAND ${ARGN} WORKING_DIRECTORY ${WORK} RESULT_VARIABLE result
@@ -36,13 +36,12 @@ endif()
 
 if(failed)
   configure_file(${NOTICE} ${OUT}/index.html COPYONLY)
-  file(WRITE ${OUT}/app.js.gz "")
-  file(WRITE ${OUT}/app.css.gz "")
-  file(WRITE ${OUT}/report.js "")
-  file(WRITE ${OUT}/report.css "")
+  foreach(file app.js.gz app.css.gz report.js report.css stations.html stations.js)
+    file(WRITE ${OUT}/${file} "")
+  endforeach()
   return()
 endif()
-foreach(file index.html report.js report.css)
+foreach(file index.html report.js report.css stations.html stations.js)
   configure_file(${WORK}/dist/${file} ${OUT}/${file} COPYONLY)
 endforeach()
 foreach(file app.js app.css)

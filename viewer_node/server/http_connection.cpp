@@ -168,7 +168,9 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
   if (decision.asset != nullptr) {
     body = decision.asset->bytes;
     response_.set(http::field::content_type, as_beast(decision.asset->content_type));
-    response_.set(http::field::etag, as_beast(decision.asset->etag));
+    if (!decision.asset->etag.empty()) {
+      response_.set(http::field::etag, as_beast(decision.asset->etag));
+    }
     if (decision.asset->is_gzip) response_.set(http::field::content_encoding, "gzip");
   }
   response_.keep_alive(!decision.closes && !is_malformed && parser_->get().keep_alive());

@@ -145,7 +145,7 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
             .is_list = is_list,
             .recording = std::string(recording)};
   }
-  for (const WebAsset& asset : web_assets()) {
+  for (const WebAsset& asset : rules.assets) {
     if (path != asset.path) continue;
     const bool is_known = !asset.etag.empty() && request.if_none_match == asset.etag;
     return {.status = is_known ? 304U : 200U, .asset = &asset};

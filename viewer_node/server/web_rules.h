@@ -6,6 +6,7 @@
 // 127.0.0.1 (DNS rebinding) is refused. Other addresses require a token as well.
 #pragma once
 
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,8 @@ struct WebRules {
   /// Origins allowed in addition to the server's own: "https://app.example.org".
   std::vector<std::string> origins{};
   std::string token{};  ///< empty: none required
+  /// What is served; "/" is the page.
+  std::span<const WebAsset> assets = web_assets();
 };
 
 /// The relevant fields. Absent fields are empty, which no browser sends.

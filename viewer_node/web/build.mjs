@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// build.mjs: src/ → dist/index.html, dist/app.js, dist/app.css: all that the page consists of; and
-// dist/report.js, dist/report.css for `palpate report`.
+// build.mjs: src/ → dist/index.html, dist/app.js, dist/app.css: all that the page consists of;
+// dist/report.js, dist/report.css for `palpate report`; and dist/stations.html, dist/stations.js for
+// `palpate stations`.
 import { build } from "esbuild";
-import { mkdir, readFile, rm, writeFile } from "node:fs/promises";
+import { copyFile, mkdir, readFile, rm, writeFile } from "node:fs/promises";
 import { gzipSync } from "node:zlib";
 import { fileURLToPath } from "node:url";
 
@@ -44,6 +45,8 @@ await build({
   outdir: out,
   logLevel: "warning",
 });
+await build({ entryPoints: { stations: "src/stations.ts" }, bundle: true, format: "iife", target: "es2022", minify: true, outdir: out, logLevel: "warning" });
+await copyFile("src/stations.html", `${out}/stations.html`);
 // the page's colours by day and by night
 const [day, night] = [...(await readFile("src/style.css", "utf8")).matchAll(/^:root[^{]*(\{[^}]*\})/gm)].map(([, body]) => body);
 const colours = `:root${day}@media (prefers-color-scheme: dark){:root${night}}`.replaceAll(/\s+/g, " ");
@@ -53,8 +56,8 @@ const page = await readFile("src/index.html", "utf8");
 if (!page.includes("{{licences}}")) throw new Error("src/index.html has no place for {{licences}}");
 await writeFile(`${out}/index.html`, page.replace("{{licences}}", () => escaped));
 
-for (const file of ["index.html", "app.css", "app.js", "report.css", "report.js"]) {
+for (const file of ["index.html", "app.css", "app.js", "report.css", "report.js", "stations.html", "stations.js"]) {
   const bytes = await readFile(`${out}/${file}`);
   const kilobytes = (n) => (n / 1000).toFixed(1).padStart(6);
-  console.log(`${file.padEnd(10)} ${kilobytes(bytes.length)} kB, ${kilobytes(gzipSync(bytes, { level: 9 }).length)} kB gzip`);
+  console.log(`${file.padEnd(13)} ${kilobytes(bytes.length)} kB, ${kilobytes(gzipSync(bytes, { level: 9 }).length)} kB gzip`);
 }

@@ -209,4 +209,16 @@ std::string stations_csv(const std::vector<Station>& stations,
   return csv;
 }
 
+std::string stations_json(const std::vector<Station>& stations,
+                          const std::vector<StationAnswer>& answers) {
+  json rows = json::array();
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    const Line line = line_of(answers[i]);
+    rows.push_back({{"name", stations[i].name},
+                    {"state", line.state},
+                    {"cells", {line.time, line.marks, line.coverage, line.force, line.news}}});
+  }
+  return json{{"stations", rows}}.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
 }  // namespace palpate

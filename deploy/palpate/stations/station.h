@@ -39,5 +39,8 @@ struct StationAnswer {
 /// One row a station. An unknown value is empty.
 [[nodiscard]] std::string stations_csv(const std::vector<Station>& stations,
                                        const std::vector<StationAnswer>& answers);
+/// {"stations": [{"name": …, "state": …, "cells": [time, marks, coverage, force, news]}]}
+[[nodiscard]] std::string stations_json(const std::vector<Station>& stations,
+                                        const std::vector<StationAnswer>& answers);
 
 }  // namespace palpate

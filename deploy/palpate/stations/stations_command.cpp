@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <array>
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -14,6 +18,12 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/stations/station.h"
+#include "viewer_node/server/web_server.h"
+
+// the files of report_assets.S
+extern "C" const char palpate_report_css[], palpate_report_css_end[];
+extern "C" const char palpate_stations_html[], palpate_stations_html_end[];
+extern "C" const char palpate_stations_js[], palpate_stations_js_end[];
 
 namespace palpate {
 namespace {
@@ -22,9 +32,36 @@ constexpr Duration kPatience = std::chrono::milliseconds(900);
 constexpr Duration kInterval = std::chrono::seconds(1);
 constexpr std::chrono::milliseconds kPoll{50};
 
+/// The table as a page, for this machine alone.
+class StationsPage {
+ public:
+  explicit StationsPage(std::uint16_t port)
+      : server_({.port = port, .rules = {.hosts = {}, .origins = {}, .token = {}, .assets = kAssets}},
+                {}) {}
+
+  [[nodiscard]] static bool is_built() { return !kAssets.front().bytes.empty(); }
+  [[nodiscard]] std::string url() const { return server_.url(); }
+  void show(const std::string& json) { server_.set_task(json); }
+
+ private:
+  static std::string_view text(const char* begin, const char* end) {
+    return {begin, static_cast<std::size_t>(end - begin)};
+  }
+  static inline const std::array<viewer::WebAsset, 3> kAssets{
+      {{"/", "text/html; charset=utf-8", text(palpate_stations_html, palpate_stations_html_end),
+        false, ""},
+       {"/stations.js", "text/javascript; charset=utf-8",
+        text(palpate_stations_js, palpate_stations_js_end), false, ""},
+       {"/report.css", "text/css; charset=utf-8", text(palpate_report_css, palpate_report_css_end),
+        false, ""}}};
+
+  viewer::WebServer server_;
+};
+
 struct StationsCommand {
   std::vector<std::string> texts;
   std::string csv_file;
+  std::optional<std::uint16_t> web_port;
   bool is_once = false;
   bool may_overwrite = false;
 
@@ -36,6 +73,9 @@ struct StationsCommand {
     app.add_option("--csv", csv_file,
                    "write the last table to this file at the end; - for standard output")
         ->type_name("FILE");
+    app.add_option("--web-port", web_port,
+                   "show the table as a page on this port of this machine; 0: any")
+        ->type_name("PORT");
     add_overwrite_flag(app, may_overwrite);
   }
 
@@ -43,16 +83,23 @@ struct StationsCommand {
     std::vector<Station> stations;
     for (const std::string& text : texts) stations.push_back(station_of(text));
     check_outputs({{"--csv", csv_file}}, {}, may_overwrite);
+    if (web_port && !StationsPage::is_built()) {
+      throw SetupError("--web-port: this build has no page; build it with npm (PALPATE_WEB=ON)");
+    }
     const StopSignal stop;
+    std::optional<StationsPage> page;
+    if (web_port) page.emplace(*web_port);
     const SteadyClock clock;
     const bool is_live = !is_once && isatty(STDOUT_FILENO) == 1;
     std::vector<StationAnswer> answers;
     do {
       const TimePoint next = clock.now() + kInterval;
       answers = ask(stations, kPatience);
+      if (page) page->show(stations_json(stations, answers));
       if (csv_file != kStandardOutput) {
         // on a terminal the table stays where it is
         if (is_live) std::fputs("\033[H\033[J", stdout);
+        if (page) std::printf("%s\n", page->url().c_str());
         std::fputs(stations_text(stations, answers).c_str(), stdout);
         std::fflush(stdout);
       }

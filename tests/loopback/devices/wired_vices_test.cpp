@@ -119,7 +119,9 @@ TEST_P(WiredVices, PositionsThatStandStillInTheRunEndTheForce) {
   config.skips_motor_check = true;
   const HandConfig hand = firm(
       SinusoidPath{.amplitude_m = Vector3(0.01, 0, 0.01), .frequency_hz = Vector3(0.4, 0, 0.7)});
-  DeviceNodeBench<Opened> bench(config, spec(config, hand, WireFault::kStuck, 1.0));
+  WiredSpec of = spec(config, hand, WireFault::kStuck, 1.0);
+  of.faults.front().length_s = 0.9;
+  DeviceNodeBench<Opened> bench(config, of);
   bench.node.acknowledge();
   bench.answer_with(Vector3(0, 0, 1.0));
   while (bench.clock.now() < TimePoint(1s)) bench.tick();
@@ -130,6 +132,8 @@ TEST_P(WiredVices, PositionsThatStandStillInTheRunEndTheForce) {
   EXPECT_EQ(bench.node.counters().device_faults, 0U);
   for (int i = 0; i < 500; ++i) bench.tick();
   EXPECT_TRUE(bench.ticks.back().force_on_hand_newton.isZero(0.0)) << "until a reading differs";
+  while (bench.clock.now() < TimePoint(2s)) bench.tick();  // one that is elsewhere
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kPositionFrozen);
 }
 
 TEST_P(WiredVices, ThePushNeedsTheDeadManButtonAndBeginsAnewWithIt) {
@@ -164,7 +168,8 @@ TEST_P(WiredVices, TheAccountsBeginAsItIsEnabled) {
       .mass_kg = 0.15,
       .stiffness_newton_per_m = 1000.0,
       .damping_newton_s_per_m = 6.0,
-      .path = SinusoidPath{.amplitude_m = Vector3(0.02, 0, 0.02), .frequency_hz = Vector3(1, 0, 1.3)}};
+      .path = SinusoidPath{.amplitude_m = Vector3(0.008, 0, 0.008),
+                           .frequency_hz = Vector3(0.05, 0, 0.7)}};
   const DeviceConfig config = checked_config();
   DeviceNodeBench<Opened> bench(config, spec(config, hand, WireFault::kNone));
   HostileCommands commands(3, 3.3);
@@ -175,7 +180,10 @@ TEST_P(WiredVices, TheAccountsBeginAsItIsEnabled) {
     const double true_joule = bench.device.true_state().energy_joule;
     if (bench.node.phase() == DevicePhase::kChecking) ++states_in_check;
     if (bench.node.phase() == DevicePhase::kEnabled) {
-      if (!before_joule) before_joule = true_joule - bench.node.monitor_joule();
+      if (!before_joule) {
+        EXPECT_EQ(bench.node.monitor_joule(), 0.0) << "a debt";
+        before_joule = true_joule;
+      }
       most_unbooked_joule = std::max(
           most_unbooked_joule, bench.node.monitor_joule() - (true_joule - *before_joule));
     }
@@ -191,12 +199,15 @@ TEST_P(WiredVices, TheAccountsBeginAsItIsEnabled) {
   double least_joule = 0.0;
   for (int i = 0; i < 5000; ++i) {
     bench.tick();
-    if (i < 500) newton = std::max(newton, bench.ticks.back().force_on_hand_newton.norm());
+    if (i < 2000) newton = std::max(newton, bench.ticks.back().force_on_hand_newton.norm());
     if (before_joule) {
       least_joule = std::min(least_joule, bench.device.true_state().energy_joule - *before_joule);
     }
   }
-  EXPECT_GT(newton, 0.4) << "no debt holds it at f_co";
+  // the encoder steps of the others leave so slow a hand no credit
+  if (GetParam() == WiredDriver::kHaply || GetParam() == WiredDriver::kHapi) {
+    EXPECT_GT(newton, 0.4) << "above f_co";
+  }
   ASSERT_TRUE(before_joule);
   EXPECT_GE(least_joule, -1e-6);
   EXPECT_LE(most_unbooked_joule, 1e-6);

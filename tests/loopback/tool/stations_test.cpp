@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <csignal>
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "tests/support/program.h"
+#include "tests/support/web_client.h"
 #include "viewer_node/server/web_server.h"
 
 namespace palpate {
@@ -65,6 +68,32 @@ TEST(Stations, AreOneTable) {
   EXPECT_EQ(csv.out,
             "station,state,time_s,marks,coverage_percent,force_most_n,news\n"
             "anna,ended,61,2,93,2.12,Found 1 of 1.\n");
+}
+
+TEST(Stations, AreAPage) {
+  WebServer anna({.port = 0}, {});
+  anna.set_task(kEnded);
+  test::Program stations("palpate", {"stations", "--web-port", "0", address_of("an<na", anna)});
+  ASSERT_TRUE(test::await([&] { return stations.out().find("Found 1 of 1.") != std::string::npos; }))
+      << stations.out() << stations.err();
+  const std::string address = "http://127.0.0.1:";
+  ASSERT_THAT(stations.out(), testing::StartsWith(address));
+  const auto port = static_cast<std::uint16_t>(std::stoi(stations.out().substr(address.size())));
+  const auto get = [&](const std::string& path) {
+    test::WebClient client(port);
+    client.send_raw("GET " + path + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    return client.read_to_end();
+  };
+  const std::string task = get("/task");
+  const auto table = nlohmann::json::parse(task.substr(task.find("\r\n\r\n")));
+  EXPECT_EQ(table["stations"][0]["name"], "an<na");
+  EXPECT_EQ(table["stations"][0]["state"], "ended");
+  EXPECT_EQ(table["stations"][0]["cells"],
+            nlohmann::json::parse(R"(["61", "2", "93", "2.12", "Found 1 of 1."])"));
+  EXPECT_THAT(get("/"), HasSubstr("stations.js"));
+  EXPECT_THAT(get("/app.js"), HasSubstr(" 404 ")) << "of another page";
+  stations.send_signal(SIGTERM);
+  EXPECT_EQ(stations.wait(), 0) << stations.err();
 }
 
 TEST(Stations, AnAddressThatIsNoneIsRefused) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // browser.mjs: Debian's Chromium without a display or a GPU; waits for events with a deadline.
 import assert from "node:assert/strict";
-import { mkdirSync, writeFileSync } from "node:fs";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
@@ -170,4 +171,12 @@ export async function screenshot(page, name) {
   const png = await page.screenshot();
   assert.ok(png.length <= kMostBytes, `${name}.png has ${png.length} bytes, more than ${kMostBytes}`);
   writeFileSync(join(folder, `${name}.png`), png);
+}
+
+const kAxe = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
+/** Violations of WCAG 2.2 A and AA and of axe-core's best practices. */
+export async function violations(page) {
+  await page.addScriptTag({ path: kAxe }).catch(() => page.evaluate(readFileSync(kAxe, "utf8")));
+  const { violations: found } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
+  return found.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.map(({ target }) => target).join(", ")}`);
 }

@@ -543,12 +543,12 @@ function tips(count: number, material: MeshStandardMaterial): InstancedMesh {
   return made;
 }
 
-/** Points that lie on surfaces are drawn before them. */
 /** Seen through the tissue. */
 function goal_material(): MeshBasicMaterial {
   return new MeshBasicMaterial({ wireframe: true, transparent: true, depthTest: false, depthWrite: false });
 }
 
+/** Points that lie on surfaces are drawn before them. */
 function map_material(): PointsMaterial {
   const made = new PointsMaterial({ vertexColors: true, fog: false });
   made.onBeforeCompile = (shader) => {
