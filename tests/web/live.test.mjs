@@ -378,12 +378,12 @@ test_alone("screenshots of an organ", { skip: kLimit.skip || kSkipScreenshots },
 
 test_alone("screenshots of a task that has ended", { skip: kLimit.skip || kSkipScreenshots }, async () => {
   nodes = await Nodes.start([], "tasks/lump_search");
-  const page = await open(browser, nodes.url, { scale: 1, width: 1000, height: 820 });
+  const page = await open(browser, nodes.url, { scale: 1, width: 960, height: 700 });
   await until(page, (t) => t.now_s > 11.5, "the whole search");
   await page.getByRole("button", { name: "Stop" }).click();
   await page.context().close();
   for (const [name, dark] of [["task_score_light", false], ["task_score_dark", true]]) {
-    const shown = await open(browser, nodes.url, { scale: 1, width: 1000, height: 820, dark });
+    const shown = await open(browser, nodes.url, { scale: 1, width: 960, height: 700, dark });
     await until(shown, (t) => t.task_map?.searched > 0 && t.scene.tissues.length === 2, "map and lump");
     await shown.locator("#task-title", { hasText: "Score" }).waitFor();
     await shown.waitForTimeout(400);
@@ -400,7 +400,7 @@ test_alone("screenshot of a replay", { skip: kLimit.skip || kSkipScreenshots }, 
   await until(page, (t) => t.replay.isPaused, "a pause");
   // to a press
   for (let at_s = 6; (await status(page)).applied_newton < 0.5 && at_s < 9; at_s += 0.2) {
-    await page.getByRole("slider", { name: "Position in the recording" }).fill(at_s.toFixed(2));
+    await page.getByRole("slider", { name: "Position in the recording" }).fill(String(Number(at_s.toFixed(2))));
     await until(page, (t) => Math.abs(t.replay.positionS - at_s) < 0.02, "the place sought");
     await page.waitForTimeout(300);
   }

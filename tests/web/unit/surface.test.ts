@@ -239,3 +239,41 @@ test("an elastic body has the stiffness of its vertices, though its material has
   assert.equal(surface.stiffness_newton_per_m, 0);
   assert.equal(surface.shown_stiffness_newton_per_m, 100);
 });
+
+test("drawn on the processor, a fine surface has fewer triangles of the same vertices", () => {
+  // a cylinder of radius 1 and height 1 with a lid, whose rim is sharp
+  const around = 240, up = 60, vertices: number[] = [], triangles: number[] = [];
+  const ring = (radius: number, z: number) => {
+    for (let i = 0; i < around; ++i) vertices.push(radius * Math.cos((2 * Math.PI * i) / around), radius * Math.sin((2 * Math.PI * i) / around), z);
+  };
+  for (let j = 0; j <= up; ++j) ring(1, j / up);
+  for (let j = 1; j < up; ++j) ring(1 - j / up, 1);
+  for (let j = 0; j + 1 < vertices.length / 3 / around; ++j) {
+    for (let i = 0; i < around; ++i) {
+      const a = around * j + i, b = around * j + ((i + 1) % around);
+      triangles.push(a, b, b + around, a, b + around, a + around);
+    }
+  }
+  const surface = new Surface(square({ verticesM: misaligned(Float32Array.from(vertices)), triangles: misaligned(Uint32Array.from(triangles)) }));
+  const area = (indices: Uint32Array) => {
+    let sum = 0;
+    for (let t = 0; t < indices.length; t += 3) {
+      const [a, b, c] = [0, 1, 2].map((k) => surface.rest.subarray(3 * indices[t + k], 3 * indices[t + k] + 3));
+      const u = b.map((x, k) => x - a[k]), v = c.map((x, k) => x - a[k]);
+      const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+      for (const k of [0, 1, 2]) {
+        const corner = 3 * indices[t + k];
+        const along = n.reduce((dot, x, i) => dot + x * surface.normal[corner + i], 0) / Math.hypot(...n);
+        assert.ok(along > 0.5, `a face and the normal of its corner are ${along} apart`);
+      }
+      sum += Math.hypot(...n) / 2;
+    }
+    return sum;
+  };
+  assert.equal(surface.coarse_triangles(triangles.length / 3), surface.triangles, "all, where there are no more");
+
+  const coarse = surface.coarse_triangles(4000);
+  assert.ok(coarse.length / 3 > 2000 && coarse.length / 3 < 8000, `${coarse.length / 3} triangles`);
+  const whole = area(surface.triangles);
+  assert.ok(Math.abs(area(coarse) / whole - 1) < 0.05, `${area(coarse)} of ${whole}`);
+});

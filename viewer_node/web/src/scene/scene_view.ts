@@ -17,6 +17,7 @@ const kNearTool = 1.2; // distance of the view that turns about the tool, in rad
 const kScaleMemory_ms = 8000;
 const kDrawPeriod_ms = 30; // mesh frames come every 33 ms; shorter, to absorb the display's frame period
 const kPlumb_m = 0.0025; // a vertex so near to the plumb line is below the tool
+const kSoftwareTriangles = 40000; // of a tissue, drawn on the processor
 const kClear = 0.66; // opacity of outer tissue in front of inner tissue and of the tool
 
 /** Of places that were not searched, and of those that were: apart for every kind of sight. */
@@ -114,7 +115,7 @@ export class SceneView {
       geometry.dispose();
       material.dispose();
     }
-    this.drawn = surfaces.map((surface, index) => draw(surface, index));
+    this.drawn = surfaces.map((surface, index) => draw(surface, index, this.renderer?.shadowMap.enabled ? Infinity : kSoftwareTriangles));
     this.bounds.makeEmpty();
     const boxes = this.drawn.map(({ geometry }) => geometry.boundingBox!);
     this.drawn.forEach((one, index) => {
@@ -492,7 +493,7 @@ function renderer_of(canvas: HTMLCanvasElement): WebGLRenderer | null {
   }
 }
 
-function draw(surface: Surface, index: number): Drawn {
+function draw(surface: Surface, index: number, most_triangles: number): Drawn {
   const geometry = new BufferGeometry();
   const colour = new Float32Array(surface.rest.length);
   const moving = (array: Float32Array) => new BufferAttribute(array, 3).setUsage(DynamicDrawUsage);
@@ -507,7 +508,7 @@ function draw(surface: Surface, index: number): Drawn {
   } else {
     geometry.setAttribute("normal", moving(surface.normal));
     geometry.setAttribute("rest", new BufferAttribute(surface.rest, 3));
-    geometry.setIndex(new BufferAttribute(surface.triangles, 1));
+    geometry.setIndex(new BufferAttribute(surface.coarse_triangles(most_triangles), 1));
     material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.62, side: FrontSide, fog: false });
     material.onBeforeCompile = draw_grid_on_tissue;
     object = new Mesh(geometry, material);

@@ -100,6 +100,33 @@ export class Surface {
     return best_m;
   }
 
+  /**
+   * About so many triangles at most, for a renderer that cannot draw all: of each cube of space, and of each of six
+   * directions of the normal there, one vertex stands for the others. At rest.
+   */
+  coarse_triangles(most: number): Uint32Array {
+    const { rest, normal, triangles } = this;
+    if (triangles.length <= 3 * most) return triangles;
+    // a surface through cubes of this width crosses one of them per width², and has two triangles there
+    const cell_m = Math.sqrt((2 * area_of(rest, triangles)) / most) || Infinity;
+    const of_cell = new Map<string, number>();
+    const stands_for = new Uint32Array(rest.length / 3);
+    for (let vertex = 0; vertex < stands_for.length; ++vertex) {
+      const at = 3 * vertex;
+      const [x, y, z] = [0, 1, 2].map((k) => Math.floor(rest[at + k] / cell_m));
+      const cell = `${x},${y},${z},${direction_of(normal, at)}`;
+      const there = of_cell.get(cell);
+      if (there === undefined) of_cell.set(cell, vertex);
+      stands_for[vertex] = there ?? vertex;
+    }
+    const coarse: number[] = [];
+    for (let t = 0; t < triangles.length; t += 3) {
+      const [a, b, c] = [stands_for[triangles[t]], stands_for[triangles[t + 1]], stands_for[triangles[t + 2]]];
+      if (a !== b && b !== c && c !== a) coarse.push(a, b, c);
+    }
+    return Uint32Array.from(coarse);
+  }
+
   /** Applies a frame; false, and nothing changes, if its range does not fit. */
   take(frame: MeshFrame): boolean {
     const bytes = frame.verticesM;
@@ -189,6 +216,24 @@ export class Surface {
       n[i + 2] /= length;
     }
   }
+}
+
+/** Twice the axis along which a normal is longest, plus one if it points backwards. */
+function direction_of(normal: Float32Array, at: number): number {
+  const size = [0, 1, 2].map((k) => Math.abs(normal[at + k]));
+  const axis = size.indexOf(Math.max(...size));
+  return 2 * axis + (normal[at + axis] < 0 ? 1 : 0);
+}
+
+function area_of(p: Float32Array, triangles: Uint32Array): number {
+  let twice = 0;
+  for (let t = 0; t < triangles.length; t += 3) {
+    const a = 3 * triangles[t], b = 3 * triangles[t + 1], c = 3 * triangles[t + 2];
+    const ux = p[b] - p[a], uy = p[b + 1] - p[a + 1], uz = p[b + 2] - p[a + 2];
+    const vx = p[c] - p[a], vy = p[c + 1] - p[a + 1], vz = p[c + 2] - p[a + 2];
+    twice += Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
+  }
+  return twice / 2;
 }
 
 /** The vertices of a shape at rest, by square cells of the plane of x and y. */
