@@ -103,7 +103,7 @@ FaultReason DeviceNode::check_motors(const DeviceSample& sample, bool may_push_n
   notify_observer(record);
   guard_.reset();
   if (!must_check_motors_ || !may_push_now) {  // enabled, or interrupted by the button
-    if (release_once()) begin_anew();  // or the next tick is a fault
+    if (release_once()) begin_anew();          // or the next tick is a fault
     restart_frozen();
     return FaultReason::kNone;
   }
@@ -207,8 +207,8 @@ void DeviceNode::acknowledge(const SeenDevice& seen) noexcept {
   acknowledge();
 }
 
-/// After a fault, a calibration or the check of the motors, motors released. What the encoder or the
-/// hand did meanwhile is not known: the echo begins anew, which mofc_node takes as a gap, and a
+/// After a fault, a calibration or the check of the motors, motors released. What the encoder or
+/// the hand did meanwhile is not known: the echo begins anew, which mofc_node takes as a gap, and a
 /// debt from before stays.
 void DeviceNode::begin_anew() noexcept {
   is_unbooked_ = false;

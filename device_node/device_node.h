@@ -23,10 +23,10 @@
 // A real device gives no force before a person has acknowledged it, after the start and after each
 // fault, and before motor_check.h has pushed it a little and seen that it gives way. Nothing is
 // sent while it pushes, and the accounts begin anew after it: the promise about energy is one from
-// then on. While it is not calibrated, nothing is sent either. Readings of a real device that stand still although a
-// force acts end the force until they differ: frozen_watch.h. Measured forces that are not those
-// that the accounts count are a fault: measured_work.h. Thread: everything runs on the
-// caller's thread. step() does not allocate, lock, log or throw; it waits up to `reply` for the
+// then on. While it is not calibrated, nothing is sent either. Readings of a real device that stand
+// still although a force acts end the force until they differ: frozen_watch.h. Measured forces that
+// are not those that the accounts count are a fault: measured_work.h. Thread: everything runs on
+// the caller's thread. step() does not allocate, lock, log or throw; it waits up to `reply` for the
 // answer. Only where a fault has cost the connection to motors that have not confirmed their
 // release, step() opens it again, twice a second, which may allocate.
 #pragma once

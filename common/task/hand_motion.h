@@ -13,7 +13,8 @@
 namespace palpate {
 
 /// Of the first place, means over 50 ms and the last place, so that the steps of an encoder neither
-/// lengthen the path nor make it rough. A slot without a position is bridged by a straight line and left out of the smoothness.
+/// lengthen the path nor make it rough. A slot without a position is bridged by a straight line and
+/// left out of the smoothness.
 class HandMotion {
  public:
   static constexpr double kSlot_s = 0.05;

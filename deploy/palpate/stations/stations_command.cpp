@@ -36,8 +36,9 @@ constexpr std::chrono::milliseconds kPoll{50};
 class StationsPage {
  public:
   explicit StationsPage(std::uint16_t port)
-      : server_({.port = port, .rules = {.hosts = {}, .origins = {}, .token = {}, .assets = kAssets}},
-                {}) {}
+      : server_(
+            {.port = port, .rules = {.hosts = {}, .origins = {}, .token = {}, .assets = kAssets}},
+            {}) {}
 
   [[nodiscard]] static bool is_built() { return !kAssets.front().bytes.empty(); }
   [[nodiscard]] std::string url() const { return server_.url(); }

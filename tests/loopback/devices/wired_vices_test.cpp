@@ -164,12 +164,11 @@ TEST_P(WiredVices, ThePushNeedsTheDeadManButtonAndBeginsAnewWithIt) {
 
 /// What the push gives a hand is in no account: force follows at once, and gives none.
 TEST_P(WiredVices, TheAccountsBeginAsItIsEnabled) {
-  const HandConfig hand = {
-      .mass_kg = 0.15,
-      .stiffness_newton_per_m = 1000.0,
-      .damping_newton_s_per_m = 6.0,
-      .path = SinusoidPath{.amplitude_m = Vector3(0.008, 0, 0.008),
-                           .frequency_hz = Vector3(0.05, 0, 0.7)}};
+  const HandConfig hand = {.mass_kg = 0.15,
+                           .stiffness_newton_per_m = 1000.0,
+                           .damping_newton_s_per_m = 6.0,
+                           .path = SinusoidPath{.amplitude_m = Vector3(0.008, 0, 0.008),
+                                                .frequency_hz = Vector3(0.05, 0, 0.7)}};
   const DeviceConfig config = checked_config();
   DeviceNodeBench<Opened> bench(config, spec(config, hand, WireFault::kNone));
   HostileCommands commands(3, 3.3);
@@ -184,8 +183,8 @@ TEST_P(WiredVices, TheAccountsBeginAsItIsEnabled) {
         EXPECT_EQ(bench.node.monitor_joule(), 0.0) << "a debt";
         before_joule = true_joule;
       }
-      most_unbooked_joule = std::max(
-          most_unbooked_joule, bench.node.monitor_joule() - (true_joule - *before_joule));
+      most_unbooked_joule =
+          std::max(most_unbooked_joule, bench.node.monitor_joule() - (true_joule - *before_joule));
     }
     bench.send_answer(state.header.session_id, state.header.sequence,
                       commands.next(state.hand_position_m));

@@ -74,8 +74,10 @@ TEST(Stations, AreAPage) {
   WebServer anna({.port = 0}, {});
   anna.set_task(kEnded);
   test::Program stations("palpate", {"stations", "--web-port", "0", address_of("an<na", anna)});
-  ASSERT_TRUE(test::await([&] { return stations.out().find("Found 1 of 1.") != std::string::npos; }))
-      << stations.out() << stations.err();
+  ASSERT_TRUE(test::await([&] {
+    return stations.out().find("Found 1 of 1.") != std::string::npos;
+  })) << stations.out()
+      << stations.err();
   const std::string address = "http://127.0.0.1:";
   ASSERT_THAT(stations.out(), testing::StartsWith(address));
   const auto port = static_cast<std::uint16_t>(std::stoi(stations.out().substr(address.size())));
