@@ -49,7 +49,7 @@ std::string csv_number(double value) {
 
 /// The last column of a table.
 std::string outcome_text(const TaskScore& score) {
-  const std::string outcome = outcome_of(score);
+  std::string outcome = outcome_of(score);
   if (score.traction) {
     return outcome + fmt::format(", {:.1f} s at the target", score.traction->longest_s);
   }

@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/core/user/output_file.h"
 #include "common/process/options.h"
