@@ -10,11 +10,18 @@ namespace palpate {
 void HandMotion::add(double t_s, const Vector3& position_m) {
   if (!begin_s_) {
     begin_s_ = t_s;
-    first_m_ = position_m;
+    pulled_m_ = position_m;
   }
   end_s_ = t_s;
-  last_m_ = position_m;
-  const auto slot = static_cast<std::int64_t>(std::floor((t_s - *begin_s_) / kSlot_s + 1e-9));
+  newest_m_ = position_m;
+  const auto slot_of = [&](double length_s) {
+    return static_cast<std::int64_t>(std::floor((t_s - *begin_s_) / length_s + 1e-9));
+  };
+  if (slot_of(kPathSlot_s) != path_slot_) end_path_slot();
+  path_slot_ = slot_of(kPathSlot_s);
+  path_sum_m_ += position_m;
+  ++path_count_;
+  const std::int64_t slot = slot_of(kSlot_s);
   if (slot != slot_) end_slot();
   slot_ = slot;
   sum_m_ += position_m;
@@ -23,7 +30,19 @@ void HandMotion::add(double t_s, const Vector3& position_m) {
 
 void HandMotion::finish() {
   end_slot();
-  if (known_ > 0) path_m_ += (last_m_ - last_[0].position_m).norm();
+  end_path_slot();
+  path_m_ += (newest_m_ - pulled_m_).norm();
+}
+
+void HandMotion::end_path_slot() {
+  if (path_count_ == 0) return;
+  const Vector3 away_m = path_sum_m_ / static_cast<double>(path_count_) - pulled_m_;
+  path_sum_m_.setZero();
+  path_count_ = 0;
+  const double step_m = away_m.norm() - kString_m;
+  if (step_m <= 0.0) return;
+  pulled_m_ += away_m * (step_m / away_m.norm());
+  path_m_ += step_m;
 }
 
 void HandMotion::end_slot() {
@@ -33,12 +52,8 @@ void HandMotion::end_slot() {
   known_ = std::min(known_ + 1, last_.size());
   sum_m_.setZero();
   count_ = 0;
-  if (known_ < 2) {
-    path_m_ = (last_[0].position_m - first_m_).norm();
-    return;
-  }
+  if (known_ < 2) return;
   const double step_m = (last_[0].position_m - last_[1].position_m).norm();
-  path_m_ += step_m;
   const double step_s = kSlot_s * static_cast<double>(last_[0].slot - last_[1].slot);
   peak_m_per_s_ = std::max(peak_m_per_s_, step_m / step_s);
   if (known_ < 4 || last_[0].slot - last_[3].slot != 3) return;

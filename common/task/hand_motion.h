@@ -12,12 +12,15 @@
 
 namespace palpate {
 
-/// Of the first place, means over 50 ms and the last place, so that the steps of an encoder neither
-/// lengthen the path nor make it rough. A slot without a position is bridged by a straight line and
-/// left out of the smoothness.
+/// The path is that of a point which a string of 50 µm pulls after means over 10 ms, so that neither
+/// the steps of an encoder nor a tremor of that size lengthen it; it loses twice the string at each
+/// turn. Smoothness is that of means over 50 ms. A slot without a position is bridged by a straight
+/// line and left out of the smoothness.
 class HandMotion {
  public:
   static constexpr double kSlot_s = 0.05;
+  static constexpr double kPathSlot_s = 0.01;
+  static constexpr double kString_m = 5e-5;
 
   /// @param t_s  not before that of the last call
   void add(double t_s, const Vector3& position_m);
@@ -35,16 +38,20 @@ class HandMotion {
     Vector3 position_m = Vector3::Zero();
   };
   void end_slot();
+  void end_path_slot();
 
   std::optional<double> begin_s_;
   double end_s_ = 0.0;
   std::int64_t slot_ = 0;
-  Vector3 first_m_ = Vector3::Zero();
-  Vector3 last_m_ = Vector3::Zero();
   Vector3 sum_m_ = Vector3::Zero();
   std::uint64_t count_ = 0;
   std::array<Mean, 4> last_{};  // newest first
   std::size_t known_ = 0;       // of last_
+  std::int64_t path_slot_ = 0;
+  Vector3 path_sum_m_ = Vector3::Zero();
+  std::uint64_t path_count_ = 0;
+  Vector3 pulled_m_ = Vector3::Zero();
+  Vector3 newest_m_ = Vector3::Zero();
   double path_m_ = 0.0;
   double peak_m_per_s_ = 0.0;
   double jerk2_s_ = 0.0;  // ∫|jerk|² dt

@@ -437,8 +437,8 @@ constexpr std::array kChecks{
     DeviceCheck{"pace", "shorten the transfers, or lower device.rate_hz", watched<check_pace>},
     DeviceCheck{
         "motors",
-        "mind signs, axes and gains of the motors: device_node enables no real device whose "
-        "positions do not follow a small push",
+        "mind signs, axes and gains of the motors: for more than f_co, device_node enables no real "
+        "device whose positions do not follow a small push",
         watched<check_motors>, true},
     DeviceCheck{"switch", "return from apply() the reading of when the force changed",
                 watched<check_switch>},

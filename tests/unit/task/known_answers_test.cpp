@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "common/core/random.h"
 #include "tests/unit/task/task_support.h"
 
 namespace palpate::test {
@@ -84,6 +85,23 @@ TEST(KnownAnswers, ThePathOfACircleIsItsCircumference) {
   EXPECT_NEAR(score.path_m / (5.0 * 2.0 * kPi * 0.02), 1.0, 0.01);
   EXPECT_FALSE(score.is_search());
   EXPECT_TRUE(std::isnan(score.coverage_ratio));
+}
+
+// Taps of 20 mm, and a tool at rest whose reading changes by a step all the time.
+TEST(KnownAnswers, ThePathOfTapsIsTheirStroke) {
+  constexpr double kStep_m = 55e-6;
+  for (const double frequency_hz : {1.0, 2.0, 3.0}) {
+    const TaskScore score = score_of({}, 6.0, [&](double t_s) {
+      const double z_m = 0.05 + 0.01 * std::cos(2.0 * kPi * frequency_hz * t_s);
+      return Tip{.at_m = {0.0, 0.0, kStep_m * std::round(z_m / kStep_m)}};
+    });
+    EXPECT_NEAR(score.path_m / (6.0 * frequency_hz * 0.04), 1.0, 0.01) << frequency_hz;
+  }
+  Random random(5);
+  const TaskScore resting = score_of({}, 10.0, [&](double) {
+    return Tip{.at_m = {0.0, 0.0, 0.05 + (random.below(2) == 0 ? kStep_m : 0.0)}};
+  });
+  EXPECT_LT(resting.path_m, 1e-4);
 }
 
 // x = A sin ωt: v_peak = Aω, ∫|x'''|² = A²ω⁶T/2 over whole periods, so −ln((ωT)⁴/2).
