@@ -99,8 +99,9 @@ set(PALPATE_BOUNDARIES
   "viewer_node/live:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,viewer_node/task,@log"
   "viewer_node/audience:common/*,viewer_node/live/channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
   "viewer_node/feed:common/core,common/session,common/telemetry"
-  "viewer_node/recording:common/*,viewer_node/feed,@log,@threads"
-  "viewer_node/task:common/*,viewer_node/feed,viewer_node/recording,@log"
+  "viewer_node/recording/html:"
+  "viewer_node/recording:common/*,viewer_node/feed,viewer_node/recording/html,@log,@threads"
+  "viewer_node/task:common/*,viewer_node/feed,viewer_node/recording,viewer_node/recording/html,@log"
   "viewer_node/server:common/core,common/core/user,@threads"
 
   # lockstep ← campaign; launch ← conform; campaign, conform ← palpate
@@ -112,7 +113,9 @@ set(PALPATE_BOUNDARIES
   "deploy/scan:common/core,common/core/user,common/contact,physics_node/surfaces,physics_node/files,physics_node/elastic"
   "deploy/launch:common/*,@log,@threads"
   "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/release.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
-  "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/study,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,viewer_node/server,viewer_node/task,@log,@cli,@threads")
+  "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/study,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,viewer_node/task,@log,@cli,@threads"
+  # its page has a server of its own
+  "deploy/palpate/stations:common/*,deploy/palpate,viewer_node/server,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

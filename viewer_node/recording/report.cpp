@@ -10,7 +10,7 @@
 
 #include "common/telemetry/summary.h"
 #include "common/telemetry/verdict/verdict.h"
-#include "viewer_node/recording/html_page.h"
+#include "viewer_node/recording/html/html_page.h"
 #include "viewer_node/recording/report_data.h"
 
 // the files of report_assets.S

@@ -8,7 +8,7 @@
 #include <functional>
 
 #include "common/telemetry/summary.h"
-#include "viewer_node/recording/html_page.h"
+#include "viewer_node/recording/html/html_page.h"
 
 namespace palpate {
 namespace {

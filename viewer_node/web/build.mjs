@@ -45,8 +45,8 @@ await build({
   outdir: out,
   logLevel: "warning",
 });
-await build({ entryPoints: { stations: "src/stations.ts" }, bundle: true, format: "iife", target: "es2022", minify: true, outdir: out, logLevel: "warning" });
-await copyFile("src/stations.html", `${out}/stations.html`);
+await build({ entryPoints: { stations: "src/stations/stations.ts" }, bundle: true, format: "iife", target: "es2022", minify: true, outdir: out, logLevel: "warning" });
+await copyFile("src/stations/stations.html", `${out}/stations.html`);
 // the page's colours by day and by night
 const [day, night] = [...(await readFile("src/style.css", "utf8")).matchAll(/^:root[^{]*(\{[^}]*\})/gm)].map(([, body]) => body);
 const colours = `:root${day}@media (prefers-color-scheme: dark){:root${night}}`.replaceAll(/\s+/g, " ");

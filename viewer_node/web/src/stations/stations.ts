@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // stations.ts: the tasks of many stations as one table, for a teacher. `palpate stations --web-port`
 // serves it, and says at /task what it prints on the terminal.
-import { make, write } from "./card";
+import { make, write } from "../card";
 
 interface Station {
   name: string;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "viewer_node/recording/html_page.h"
+#include "viewer_node/recording/html/html_page.h"
 
 // the file of report_assets.S
 extern "C" const char palpate_report_css[], palpate_report_css_end[];
