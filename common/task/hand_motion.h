@@ -12,10 +12,10 @@
 
 namespace palpate {
 
-/// The path is that of a point which a string of 50 µm pulls after means over 10 ms, so that neither
-/// the steps of an encoder nor a tremor of that size lengthen it; it loses twice the string at each
-/// turn. Smoothness is that of means over 50 ms. A slot without a position is bridged by a straight
-/// line and left out of the smoothness.
+/// The path is that of a point which a string of 50 µm pulls after means over 10 ms, so that
+/// neither the steps of an encoder nor a tremor of that size lengthen it; it loses twice the string
+/// at each turn. Smoothness is that of means over 50 ms. A slot without a position is bridged by a
+/// straight line and left out of the smoothness.
 class HandMotion {
  public:
   static constexpr double kSlot_s = 0.05;

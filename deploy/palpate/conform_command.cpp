@@ -140,7 +140,8 @@ struct ConformDevice {
     add_output_options(app, output);
     app.footer(app.get_footer() +
                "\nA real device that does not follow the first small push falls short, too: "
-               "device_node would not enable it for more than f_co.\nCtrl-C, SIGTERM and SIGHUP release the motors, "
+               "device_node would not enable it for more than f_co.\nCtrl-C, SIGTERM and SIGHUP "
+               "release the motors, "
                "until the device confirms it or "
                "for 1 s, and end with 130, 143 or 129.");
   }
