@@ -96,11 +96,8 @@ FaultReason DeviceNode::check_motors(const DeviceSample& sample, bool may_push_n
                                      TimePoint deadline, DeviceTick& record) noexcept {
   is_unbooked_ = true;
   follow_applied(sample, details_of(sample));
-  record_last_reading(record);
-  record.is_clutched = workspace_.is_clutched();
   record.buttons = sample.buttons;
-  record_acted(record);
-  notify_observer(record);
+  record_unsent(record);
   guard_.reset();
   if (!must_check_motors_ || !may_push_now) {  // enabled, or interrupted by the button
     if (release_once()) begin_anew();          // or the next tick is a fault

@@ -282,6 +282,11 @@ void DeviceNode::record_without_exchange(DeviceTick& record) noexcept {
     static_cast<void>(judge(sample));
   }
   record.guard = has_fault() ? GuardState::kFault : GuardState::kLimp;
+  record_unsent(record);
+}
+
+/// Of a tick that sends nothing: the last reading, and what acted until it.
+void DeviceNode::record_unsent(DeviceTick& record) noexcept {
   record_last_reading(record);
   record.is_clutched = workspace_.is_clutched();
   record_acted(record);

@@ -144,6 +144,7 @@ class DeviceNode {
   [[nodiscard]] double motor_limit_newton() const noexcept;
   [[nodiscard]] bool has_motor_check() const noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
+  void record_unsent(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
   [[nodiscard]] FaultReason judge_with_latched(const DeviceSample& sample) noexcept;
   [[nodiscard]] const DeviceState& make_state(const DeviceSample& sample,

@@ -286,10 +286,7 @@ void MofcNode::count(const MofcTick& turn, const DeviceEcho::Report& echo,
 void MofcNode::count_grip(GripState grip) noexcept {
   const GripState before = std::exchange(grip_, grip);
   if (grip == before) return;
-  const auto holds = [](GripState one) {
-    return one == GripState::kHolds || one == GripState::kSlips;
-  };
-  if (holds(grip) && !holds(before)) ++counters_.grips;
+  if (is_holding(grip) && !is_holding(before)) ++counters_.grips;
   if (grip == GripState::kTorn) ++counters_.grips_torn;
   if (grip == GripState::kSlipped) ++counters_.grips_slipped;
 }

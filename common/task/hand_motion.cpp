@@ -7,6 +7,24 @@
 
 namespace palpate {
 
+std::optional<HandMotion::Mean> HandMotion::Slots::add(double t_s, const Vector3& position_m) {
+  const auto at = static_cast<std::int64_t>(std::floor(t_s / length_s + 1e-9));
+  std::optional<Mean> ended;
+  if (at != slot) ended = end();
+  slot = at;
+  sum_m += position_m;
+  ++count;
+  return ended;
+}
+
+std::optional<HandMotion::Mean> HandMotion::Slots::end() {
+  if (count == 0) return std::nullopt;
+  const Mean mean{slot, sum_m / static_cast<double>(count)};
+  sum_m.setZero();
+  count = 0;
+  return mean;
+}
+
 void HandMotion::add(double t_s, const Vector3& position_m) {
   if (!begin_s_) {
     begin_s_ = t_s;
@@ -14,44 +32,30 @@ void HandMotion::add(double t_s, const Vector3& position_m) {
   }
   end_s_ = t_s;
   newest_m_ = position_m;
-  const auto slot_of = [&](double length_s) {
-    return static_cast<std::int64_t>(std::floor((t_s - *begin_s_) / length_s + 1e-9));
-  };
-  if (slot_of(kPathSlot_s) != path_slot_) end_path_slot();
-  path_slot_ = slot_of(kPathSlot_s);
-  path_sum_m_ += position_m;
-  ++path_count_;
-  const std::int64_t slot = slot_of(kSlot_s);
-  if (slot != slot_) end_slot();
-  slot_ = slot;
-  sum_m_ += position_m;
-  ++count_;
+  pull(path_slots_.add(t_s - *begin_s_, position_m));
+  take(slots_.add(t_s - *begin_s_, position_m));
 }
 
 void HandMotion::finish() {
-  end_slot();
-  end_path_slot();
+  take(slots_.end());
+  pull(path_slots_.end());
   path_m_ += (newest_m_ - pulled_m_).norm();
 }
 
-void HandMotion::end_path_slot() {
-  if (path_count_ == 0) return;
-  const Vector3 away_m = path_sum_m_ / static_cast<double>(path_count_) - pulled_m_;
-  path_sum_m_.setZero();
-  path_count_ = 0;
+void HandMotion::pull(const std::optional<Mean>& mean) {
+  if (!mean) return;
+  const Vector3 away_m = mean->position_m - pulled_m_;
   const double step_m = away_m.norm() - kString_m;
   if (step_m <= 0.0) return;
   pulled_m_ += away_m * (step_m / away_m.norm());
   path_m_ += step_m;
 }
 
-void HandMotion::end_slot() {
-  if (count_ == 0) return;
+void HandMotion::take(const std::optional<Mean>& mean) {
+  if (!mean) return;
   std::move_backward(last_.begin(), last_.end() - 1, last_.end());
-  last_[0] = {slot_, sum_m_ / static_cast<double>(count_)};
+  last_[0] = *mean;
   known_ = std::min(known_ + 1, last_.size());
-  sum_m_.setZero();
-  count_ = 0;
   if (known_ < 2) return;
   const double step_m = (last_[0].position_m - last_[1].position_m).norm();
   const double step_s = kSlot_s * static_cast<double>(last_[0].slot - last_[1].slot);

@@ -37,19 +37,27 @@ class HandMotion {
     std::int64_t slot = 0;
     Vector3 position_m = Vector3::Zero();
   };
-  void end_slot();
-  void end_path_slot();
+  /// The mean of the positions in each slot of time.
+  struct Slots {
+    double length_s;
+    std::int64_t slot = 0;
+    Vector3 sum_m = Vector3::Zero();
+    std::uint64_t count = 0;
+
+    /// @param t_s  since the first position
+    /// @return     that of the slot that ended before it, if one did
+    std::optional<Mean> add(double t_s, const Vector3& position_m);
+    std::optional<Mean> end();
+  };
+  void pull(const std::optional<Mean>& mean);
+  void take(const std::optional<Mean>& mean);
 
   std::optional<double> begin_s_;
   double end_s_ = 0.0;
-  std::int64_t slot_ = 0;
-  Vector3 sum_m_ = Vector3::Zero();
-  std::uint64_t count_ = 0;
+  Slots slots_{kSlot_s};
+  Slots path_slots_{kPathSlot_s};
   std::array<Mean, 4> last_{};  // newest first
   std::size_t known_ = 0;       // of last_
-  std::int64_t path_slot_ = 0;
-  Vector3 path_sum_m_ = Vector3::Zero();
-  std::uint64_t path_count_ = 0;
   Vector3 pulled_m_ = Vector3::Zero();
   Vector3 newest_m_ = Vector3::Zero();
   double path_m_ = 0.0;

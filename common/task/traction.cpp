@@ -12,8 +12,6 @@ void note_first(double& first_s, double t_s) {
   if (!std::isfinite(first_s)) first_s = t_s;
 }
 
-bool holds(GripState grip) { return grip == GripState::kHolds || grip == GripState::kSlips; }
-
 // sums of periods, each rounded
 constexpr double kRounding_s = 1e-6;
 
@@ -36,16 +34,16 @@ void Traction::follow(std::optional<GripState> grip, const Vector3& tip_m) {
   is_unknown_ = !grip && is_told_;
   if (!grip) return;
   is_told_ = true;
-  const bool was_holding = is_holding();
+  const bool was_holding = is_holding(grip_);
   grip_ = *grip;
-  if (is_holding() && !was_holding) taken_m_ = tip_m;
+  if (is_holding(grip_) && !was_holding) taken_m_ = tip_m;
 }
 
 void Traction::count(double t_s, double newton, double elapsed_s) {
   if (is_unknown_) ++score_.unknown_ticks;
   if (grip_ != before_) note_change(t_s);
   before_ = grip_;
-  if (is_holding()) {
+  if (is_holding(grip_)) {
     forces_.add(newton, elapsed_s);
     const double way_m = (tip_m_ - *taken_m_).norm();
     score_.retraction_m =
@@ -65,8 +63,8 @@ void Traction::count(double t_s, double newton, double elapsed_s) {
 /// What the jaws do is not what they did in the tick before.
 void Traction::note_change(double t_s) {
   // what was lost before the start is not of this task
-  if (!before_ && !is_holding()) return;
-  if (is_holding() && !(before_ && holds(*before_))) {
+  if (!before_ && !is_holding(grip_)) return;
+  if (is_holding(grip_) && !(before_ && is_holding(*before_))) {
     ++score_.grips;
     note_first(score_.held_after_s, t_s);
   }
@@ -98,7 +96,7 @@ TaskState::Traction Traction::state() const {
           .tolerance_m = task_.tolerance_m,
           .hold_s = task_.hold_s,
           .held_s = score_.longest_s,
-          .is_holding = is_holding(),
+          .is_holding = is_holding(grip_),
           .is_at_target = is_at_target()};
 }
 

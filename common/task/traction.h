@@ -32,11 +32,8 @@ class Traction {
   [[nodiscard]] TaskState::Traction state() const;
 
  private:
-  [[nodiscard]] bool is_holding() const {
-    return grip_ == GripState::kHolds || grip_ == GripState::kSlips;
-  }
   [[nodiscard]] bool is_at_target() const {
-    return is_holding() && (tip_m_ - task_.target_m).norm() <= task_.tolerance_m;
+    return is_holding(grip_) && (tip_m_ - task_.target_m).norm() <= task_.tolerance_m;
   }
   void note_change(double t_s);
 

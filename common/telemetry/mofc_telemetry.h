@@ -30,6 +30,9 @@ enum class GripState : std::uint8_t {
   kTorn = 3,     ///< lost it: the force was above tear_newton
   kSlipped = 4,  ///< lost it: it slipped out
 };
+[[nodiscard]] constexpr bool is_holding(GripState grip) noexcept {
+  return grip == GripState::kHolds || grip == GripState::kSlips;
+}
 
 /// One answer of mofc_node.
 struct MofcTick {

@@ -43,7 +43,7 @@ class StationsPage {
 
   [[nodiscard]] static bool is_built() { return !kAssets.front().bytes.empty(); }
   [[nodiscard]] std::string url() const { return server_.url(); }
-  void show(const std::string& json) { server_.set_task(json); }
+  void show(const std::string& table) { server_.set_task(table); }
 
  private:
   static std::string_view text(const char* begin, const char* end) {

@@ -15,6 +15,7 @@
 #include "common/telemetry/verdict/verdict.h"
 #include "deploy/palpate/launch/launch_figures.h"
 #include "deploy/palpate/recordings/recording_info.h"
+#include "tests/support/network/unheard.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/web_client.h"
 #include "tests/unit/telemetry/verdict_cases.h"
@@ -105,16 +106,13 @@ json by_launch(const TroubledRun& run, const std::vector<TelemetryMessage>& mess
 
 /// What a page asks for at /verdict.
 json by_page(const TroubledRun& run, const std::vector<TelemetryMessage>& messages) {
-  ZmqContext context;
-  const SteadyClock clock;
-  const TelemetrySubscriber subscriber(context, clock,
-                                       {connect_to("inproc://nobody", "links.physics_telemetry")});
+  const test::Unheard unheard;
   WebServer server(
       {.port = 0},
       {.name = {}, .session_id = {}, .session_name = {}, .channels = web_channels(run.session)});
   WebLog log(run.session, server);
   std::vector<TelemetryMirror> mirrors(1);
-  WebHealth health(run.session, mirrors, subscriber, server, log);
+  WebHealth health(run.session, mirrors, unheard.subscriber, server, log);
   for (const TelemetryMessage& message : messages) {
     std::visit(
         [&](const auto& batch) {
@@ -141,11 +139,8 @@ struct Recorded {
 };
 void record(const TroubledRun& run, const std::vector<TelemetryMessage>& messages,
             const std::string& file) {
-  ZmqContext context;
-  const SteadyClock clock;
-  TelemetrySubscriber subscriber(context, clock,
-                                 {connect_to("inproc://nobody", "links.physics_telemetry")});
-  viewer::Recording recording({.file = file}, run.session, "palpate launch", subscriber);
+  test::Unheard unheard;
+  viewer::Recording recording({.file = file}, run.session, "palpate launch", unheard.subscriber);
   for (const TelemetryMessage& message : messages) {
     std::visit(
         [&](const auto& batch) {
@@ -240,8 +235,9 @@ TEST(VerdictOfCopies, CountTheRestartsOfTheRun) {
   };
   const TroubledRun run = run_of(one);
   record(run, telemetry_of(run), path("run.mcap"));
-  const auto copy = [&](const std::vector<std::string>& inputs, CopyOptions options) {
+  const auto copy = [&](const std::vector<std::string>& inputs, const CopyOptions& options) {
     std::vector<std::unique_ptr<McapReader>> sources;
+    sources.reserve(inputs.size());
     for (const std::string& input : inputs) {
       sources.push_back(std::make_unique<McapReader>(path(input.c_str())));
     }

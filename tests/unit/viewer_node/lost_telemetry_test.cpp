@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "common/core/clock.h"
 #include "common/link/codec/viewer_codec.h"
 #include "common/session/session_file.h"
+#include "tests/support/network/unheard.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/viewer_node/batches.h"
 #include "viewer_node/feed/telemetry_mirror.h"
@@ -36,7 +36,7 @@ class LostTelemetry : public testing::Test {
     RunState state;
     state.replay = ReplayState{.file = {}, .position_s = 0.0, .length_s = 3.0};
     replay_.take(state);
-    Recording recording({.file = path_}, session_, "test", subscriber_);
+    Recording recording({.file = path_}, session_, "test", unheard_.subscriber);
     for (std::uint64_t i = 0; i < kBatches; ++i) {
       const std::uint64_t first = i * kTicksPerBatch;
       const std::uint64_t last = first + kTicksPerBatch - 1;
@@ -83,10 +83,7 @@ class LostTelemetry : public testing::Test {
 
   test::TempFolder folder_;
   std::string path_ = (folder_.path() / "run.mcap").string();
-  SteadyClock clock_;
-  ZmqContext context_;
-  TelemetrySubscriber subscriber_{
-      context_, clock_, {connect_to("inproc://nobody", "links.physics_telemetry")}};
+  test::Unheard unheard_;
   TelemetryMirror live_mirror_;
   TelemetryMirror replay_mirror_;
 };

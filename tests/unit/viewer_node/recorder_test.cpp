@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "common/core/clock.h"
 #include "common/link/codec/viewer_codec.h"
+#include "tests/support/network/unheard.h"
 #include "tests/support/temp_folder.h"
 #include "viewer_node/recording/mcap_reader.h"
 #include "viewer_node/recording/recording.h"
@@ -46,11 +46,8 @@ class Recorder : public testing::Test {
 
   test::TempFolder folder_;
   std::string path_ = (folder_.path() / "run.mcap").string();
-  SteadyClock clock_;
-  ZmqContext context_;
-  TelemetrySubscriber subscriber_{
-      context_, clock_, {connect_to("inproc://nobody", "links.physics_telemetry")}};
-  Recording recording_{{.file = path_}, Session(), "test", subscriber_};
+  test::Unheard unheard_;
+  Recording recording_{{.file = path_}, Session(), "test", unheard_.subscriber};
 };
 
 // physics_node sends it again to every new viewer.

@@ -186,15 +186,9 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     const depth = Math.max(0, kTip_m - z);
     const width = 0.011;
     const v = moved;
-    // rows and columns of a grid: the server shares the processors with the page that is measured
-    const across = Math.sqrt(block.top);
-    const bell = Array.from({ length: across }, (_, i) => {
-      const [dx, dy] = [block.vertices[3 * i] - x, block.vertices[3 * across * i + 1] - y];
-      return [Math.exp(-(dx * dx) / (width * width)), Math.exp(-(dy * dy) / (width * width))];
-    });
-    for (let row = 0, at = 2; row < across; ++row) {
-      const deep = depth * bell[row][1];
-      for (let column = 0; column < across; ++column, at += 3) v[at] = block.vertices[at] - deep * bell[column][0];
+    for (let i = 0; i < block.top; ++i) {
+      const dx = block.vertices[3 * i] - x, dy = block.vertices[3 * i + 1] - y;
+      v[3 * i + 2] = block.vertices[3 * i + 2] - depth * Math.exp(-(dx * dx + dy * dy) / (width * width));
     }
     return encode("palpate.v1.MeshFrame", {
       header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },

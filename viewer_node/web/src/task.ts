@@ -24,11 +24,11 @@ function traction_news(before: Traction, now: Traction): string {
   return before.isHolding === now.isHolding ? "" : now.isHolding ? "The tissue is held." : "The tissue is not held any more.";
 }
 
-/** " · at the target: hold it · longest 1.2 of 5 s" */
+/** " · at the target: hold it · held for 1.2 of 5 s" */
 function traction_words(traction: Traction): string {
   const where = traction.isAtTarget ? "at the target: hold it" : traction.isHolding ? "bring the tissue to the ball" : "take hold of the tissue";
-  const held = `${traction.heldS.toFixed(1)} of ${traction.holdS} s`;
-  return ` · ${where} · ${is_done(traction) ? `held for ${held}: done` : `held for ${held}`}`;
+  const held = `held for ${traction.heldS.toFixed(1)} of ${traction.holdS} s`;
+  return ` · ${where} · ${held}${is_done(traction) ? ": done" : ""}`;
 }
 
 /** " · 2 finds marked"; of a traction how far it is. */
