@@ -11,6 +11,7 @@ constexpr double kLag_s = 1.0;           // of a tick, for marks that arrive lat
 constexpr double kSurfaceWait_s = 10.0;  // then it is scored without a surface
 constexpr double kTouch_newton = 0.05;   // a smaller force is no touch: the floor of the force JND
 constexpr double kMarkMemory_s = 3.0;  // a mark is where the tip has touched last, within this time
+constexpr double kGap_s = 0.1;         // of the telemetry: what the hand did in it is not known
 constexpr double kFar_m = 0.1;         // of a tip from the surface at rest
 constexpr double kSameFoot_m = 1e-4;   // a smaller motion has the same place on the surface
 
@@ -49,8 +50,10 @@ TaskEvaluator::TaskEvaluator(const TaskConfig& task, const ToolShape& tool, Opti
 void TaskEvaluator::take(const SceneState& scene) {
   if (needle_) needle_->take(scene);
   if (surface_ || palpation() == nullptr || palpation()->tissue >= scene.tissues.size()) return;
-  auto surface = std::make_unique<SearchedSurface>(
-      scene.tissues[palpation()->tissue].mesh, palpation()->area, palpation()->coverage_radius_m);
+  const auto& mesh = scene.tissues[palpation()->tissue].mesh;
+  auto surface =
+      std::make_unique<SearchedSurface>(mesh, palpation()->area, palpation()->coverage_radius_m);
+  score_.is_area_empty = !mesh.triangles.empty() && surface->empty();
   if (surface->empty()) return;
   surface_ = std::move(surface);
   score_.area_m2 = surface_->area_m2();
@@ -89,8 +92,9 @@ void TaskEvaluator::take(const TickRow& row) {
   process_due(false);
 }
 
-void TaskEvaluator::finish() {
+void TaskEvaluator::finish(bool is_cut) {
   process_due(true);
+  score_.is_cut = is_cut && phase_ != TaskState::Phase::kEnded;
   if (phase_ == TaskState::Phase::kRunning) end(TaskScore::End::kRunEnded);
   phase_ = TaskState::Phase::kEnded;
 }
@@ -123,9 +127,12 @@ void TaskEvaluator::process(const Sample& sample) {
   if (traction_) traction_->follow(sample.grip, sample.tip_m);
   const bool begins_with_run = options_.starts_with_run || !task_.is_started_by_person;
   if (phase_ == TaskState::Phase::kWaiting && begins_with_run) {
-    begin(sample);
-    score_.missing_ticks = sample.sequence;  // the device counts from 0
+    begin(sample, sample.sequence);  // the device counts from 0
   }
+  const bool follows = last_ && last_->session_id == sample.session_id;
+  const double gap_s = last_ ? std::abs(sample.t_s - last_->t_s)
+                             : static_cast<double>(sample.sequence) * period_from(sample);
+  if (gap_s > kGap_s) gap_end_s_ = sample.t_s;
   apply_markers(sample);
   if (phase_ != TaskState::Phase::kRunning) {
     last_ = sample;
@@ -136,15 +143,15 @@ void TaskEvaluator::process(const Sample& sample) {
     end(TaskScore::End::kTimeUp);
     return;
   }
-  const bool follows = last_ && last_->session_id == sample.session_id && score_.ticks > 0;
   double elapsed_s = period_s_;
-  if (follows) {
+  if (follows && score_.ticks > 0) {
     const std::uint64_t missing = sample.sequence - last_->sequence - 1;
     score_.missing_ticks += missing;
     if (missing == 0) elapsed_s = period_s_ = sample.t_s - last_->t_s;
   }
   ++score_.ticks;
   score_.time_s = sample.t_s - begin_s_;
+  score_.trace.add(score_.time_s, sample.newton);
   motion_.add(sample.t_s, sample.tip_m);
   if (needle_) {
     const double newton = sample.newton >= kTouch_newton ? sample.newton : 0.0;
@@ -177,11 +184,18 @@ void TaskEvaluator::apply_markers(const Sample& sample) {
       case Marker::Kind::kNote:
         --notes_waiting_;
         if (phase_ == TaskState::Phase::kRunning && has_marks()) {
-          mark(last_ ? last_->t_s : sample.t_s, marker.origin);
+          const std::uint64_t ago = ticks_since(marker, sample);
+          const bool is_unseen = ago > 0 && (!last_ || last_->session_id != sample.session_id);
+          const double t_s = last_ ? last_->t_s : sample.t_s;
+          mark(is_unseen ? sample.t_s - static_cast<double>(ago) * period_from(sample) : t_s,
+               marker.origin);
         }
         break;
       case Marker::Kind::kTaskStart:
-        if (phase_ == TaskState::Phase::kWaiting) begin(sample);
+        if (phase_ == TaskState::Phase::kWaiting) {
+          const std::uint64_t ago = ticks_since(marker, sample);
+          begin(sample, ago > 0 ? ago - 1 : 0);
+        }
         break;
       case Marker::Kind::kTaskStop:
         if (phase_ == TaskState::Phase::kRunning) {
@@ -193,10 +207,34 @@ void TaskEvaluator::apply_markers(const Sample& sample) {
   }
 }
 
-void TaskEvaluator::begin(const Sample& sample) {
+/// How many ticks of the device a marker was set before this one; 0: of another process.
+std::uint64_t TaskEvaluator::ticks_since(const Marker& marker, const Sample& sample) const {
+  const bool is_same = marker.device_session_id != 0 &&
+                       (options_.ignores_sessions || marker.device_session_id == sample.session_id);
+  return is_same && marker.device_sequence < sample.sequence
+             ? sample.sequence - marker.device_sequence
+             : 0;
+}
+
+/// Of the ticks from this one on; 0 if no other has arrived.
+double TaskEvaluator::period_from(const Sample& first) const {
+  const Sample& newest = pending_.back();
+  if (newest.session_id != first.session_id || newest.sequence <= first.sequence) return 0.0;
+  return (newest.t_s - first.t_s) / static_cast<double>(newest.sequence - first.sequence);
+}
+
+/// @param ticks_before  of the task before its first one that was received
+void TaskEvaluator::begin(const Sample& first, std::uint64_t ticks_before) {
   phase_ = TaskState::Phase::kRunning;
   score_.end = TaskScore::End::kRunning;
-  begin_s_ = sample.t_s;
+  const double period_s = period_from(first);
+  begin_s_ = first.t_s - static_cast<double>(ticks_before) * period_s;
+  score_.missing_ticks = ticks_before;
+  if (!task_.time_s || !(period_s > 0.0)) return;
+  const double most = std::ceil(*task_.time_s / period_s);
+  if (static_cast<double>(ticks_before) > most) {
+    score_.missing_ticks = static_cast<std::uint64_t>(most);
+  }
 }
 
 void TaskEvaluator::end(TaskScore::End how) {
@@ -250,12 +288,21 @@ void TaskEvaluator::judge_force(double newton, double elapsed_s) {
 
 void TaskEvaluator::mark(double t_s, const std::string& origin) {
   MarkScore mark{.t_s = t_s - begin_s_, .origin = origin};
-  if (needle_) {
+  if (!is_seen(t_s)) {
+    mark.outcome = MarkScore::Outcome::kNotSeen;
+  } else if (needle_) {
     mark_loss_of_resistance(mark);
   } else {
     mark_find(mark, t_s);
   }
   score_.marks.push_back(std::move(mark));
+}
+
+/// Whether the telemetry shows what a mark is about.
+bool TaskEvaluator::is_seen(double t_s) const {
+  if (needle_) return !(t_s < gap_end_s_);
+  const bool has_place = touch_ && std::abs(t_s - touch_->t_s) <= kMarkMemory_s;
+  return has_place || !(t_s - gap_end_s_ <= kMarkMemory_s);
 }
 
 void TaskEvaluator::mark_loss_of_resistance(MarkScore& mark) {
@@ -325,6 +372,23 @@ void TaskEvaluator::complete_score() {
   score_.coverage_ratio = surface_->searched_ratio();
   score_.depth_p95_m = depths_.quantile(0.95);
   score_.depth_most_m = depths_.max();
+}
+
+TaskMap TaskEvaluator::map() const {
+  const PalpationTask* search = palpation();
+  TaskMap map = surface_ && search != nullptr ? surface_->map(TaskMap::kMostPlaces) : TaskMap();
+  for (std::size_t i = 0; search != nullptr && i < search->targets.size(); ++i) {
+    const TaskTarget& target = search->targets[i];
+    map.lesions.push_back({.name = target.name,
+                           .center_m = target.center_m,
+                           .radius_m = target.radius_m,
+                           .is_found = score_.targets[i].outcome == TargetScore::Outcome::kFound});
+  }
+  map.slot_s = score_.trace.slot_s;
+  map.most_newton = score_.trace.most_newton;
+  for (const MarkScore& mark : score_.marks) map.marks_s.push_back(mark.t_s);
+  if (task_.most_force_newton) map.limit_newton = *task_.most_force_newton;
+  return map;
 }
 
 TaskState TaskEvaluator::state() const {

@@ -55,17 +55,16 @@ class TaskEvaluator {
   /// All markers of the run so far, oldest first, as in RunState.
   void take(const std::vector<Marker>& markers);
   /// Call it at the end of the run: takes what is left into account.
-  void finish();
+  /// @param is_cut  what came after is missing, as of a recording without its end
+  void finish(bool is_cut = false);
 
   [[nodiscard]] bool has_ended() const { return phase_ == TaskState::Phase::kEnded; }
   /// Complete after the end.
   [[nodiscard]] const TaskScore& score() const { return score_; }
   /// For a page.
   [[nodiscard]] TaskState state() const;
-  /// For a page, after the end; empty: nothing was searched for.
-  [[nodiscard]] TaskMap map() const {
-    return surface_ && palpation() != nullptr ? surface_->map(TaskMap::kMostPlaces) : TaskMap();
-  }
+  /// For a page, after the end.
+  [[nodiscard]] TaskMap map() const;
 
  private:
   struct Sample {
@@ -91,9 +90,12 @@ class TaskEvaluator {
   void process_due(bool is_last);
   void process(const Sample& sample);
   void apply_markers(const Sample& sample);
-  void begin(const Sample& sample);
+  void begin(const Sample& first, std::uint64_t ticks_before);
   void end(TaskScore::End how);
+  [[nodiscard]] std::uint64_t ticks_since(const Marker& marker, const Sample& sample) const;
+  [[nodiscard]] double period_from(const Sample& first) const;
   void mark(double t_s, const std::string& origin);
+  [[nodiscard]] bool is_seen(double t_s) const;
   void mark_find(MarkScore& mark, double t_s);
   void mark_loss_of_resistance(MarkScore& mark);
   void press(const Sample& sample, double elapsed_s);
@@ -129,8 +131,9 @@ class TaskEvaluator {
   std::optional<Sample> last_;    // processed
   std::set<std::uint64_t> past_;  // sessions of the device before that of last_
   double begin_s_ = 0.0;
-  double period_s_ = 0.0;       // of the newest two ticks that follow each other
-  std::optional<Touch> touch_;  // newest
+  double period_s_ = 0.0;         // of the newest two ticks that follow each other
+  std::optional<Touch> touch_;    // newest
+  double gap_end_s_ = kNotKnown;  // of the newest gap in the telemetry
   Vector3 foot_tip_m_ = Vector3::Constant(kNotKnown);
   std::optional<SearchedSurface::Foot> foot_;          // of a tip at foot_tip_m_
   Vector3 searched_m_ = Vector3::Constant(kNotKnown);  // newest place that was searched

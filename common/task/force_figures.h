@@ -5,6 +5,7 @@
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 #include "common/task/histogram.h"
 
@@ -43,6 +44,15 @@ class ForceCount {
   Histogram forces_{kBin_newton, kBins};
   double touch_s_ = 0.0;
 };
+
+/// Force over the time of a task: the largest one in each of at most 600 slots of equal length.
+struct ForceTrace {
+  double slot_s = 0.1;
+  std::vector<float> most_newton{};  ///< from the start on; NaN: no tick of it was received
+
+  void add(double t_s, double newton);
+};
+[[nodiscard]] nlohmann::ordered_json trace_json(const ForceTrace& trace);
 
 /// "1.00 N median, 2.00 N at 95 %, 2.10 N at most"
 [[nodiscard]] std::string force_text(const ForceFigures& force);

@@ -69,6 +69,12 @@ constexpr double kSaid = 1e-4;  // a smaller share of missing telemetry is 0.0 %
 
 }  // namespace
 
+const char* name(TaskScore::End end) {
+  constexpr std::array<const char*, 5> kNames{"not_started", "running", "stopped", "time_up",
+                                              "run_ended"};
+  return kNames[static_cast<std::size_t>(end)];
+}
+
 const char* name(TaskState::Kind kind) {
   constexpr std::array<const char*, 4> kNames{"free", "palpation", "needle", "traction"};
   return kNames[static_cast<std::size_t>(kind)];
@@ -80,7 +86,8 @@ const char* name(TargetScore::Outcome outcome) {
 }
 
 const char* name(MarkScore::Outcome outcome) {
-  constexpr std::array<const char*, 4> kNames{"find", "guess", "repeated", "false alarm"};
+  constexpr std::array<const char*, 5> kNames{"find", "guess", "repeated", "false alarm",
+                                              "not seen"};
   return kNames[static_cast<std::size_t>(outcome)];
 }
 
@@ -102,14 +109,27 @@ double TaskScore::missing_ratio() const {
 std::vector<std::string> findings_of(const TaskScore& score) {
   std::vector<std::string> findings;
   if (score.end == TaskScore::End::kNotStarted) {
-    findings.emplace_back("The task was not started, so there is no score.");
+    findings.emplace_back(
+        score.is_cut ? "The recording breaks off before the task was started: there is no score."
+                     : "The task was not started, so there is no score.");
     return findings;
+  }
+  if (score.is_cut) {
+    findings.push_back(fmt::format(
+        "The recording breaks off {:.1f} s after the start: this is the score of a part, not of "
+        "the task.",
+        score.time_s));
   }
   if (score.missing_ratio() > kSaid || score.device_restarts > 0) {
     findings.push_back(
         fmt::format("{:.1f} % of the measurements are missing{}: the score covers the rest.",
                     100.0 * score.missing_ratio(),
                     score.device_restarts > 0 ? ", and the device was started again" : ""));
+  }
+  if (const std::size_t unseen = score.count(MarkScore::Outcome::kNotSeen); unseen > 0) {
+    findings.push_back(fmt::format("{} {} not judged: the measurements before {} are missing.",
+                                   unseen, unseen == 1 ? "mark is" : "marks are",
+                                   unseen == 1 ? "it" : "them"));
   }
   if (score.is_search()) {
     if (score.targets.empty()) {
@@ -129,7 +149,11 @@ std::vector<std::string> findings_of(const TaskScore& score) {
                                      100.0 * score.coverage_ratio, score.least_force_newton));
     } else {
       findings.emplace_back(
-          "What part of the surface you searched is not known: the surface was not received.");
+          score.is_area_empty
+              ? "What part of the surface you searched is not known: the area that the session "
+                "names meets no surface."
+              : "What part of the surface you searched is not known: the surface was not "
+                "received.");
     }
   }
   if (score.needle) {
@@ -146,9 +170,9 @@ std::vector<std::string> findings_of(const TaskScore& score) {
   }
   if (score.overshoot_newton > 0.0) {
     findings.push_back(fmt::format(
-        "You {} too hard: up to {:.1f} N, {:.1f} N beyond the limit, for {:.1f} s.",
+        "You {} too hard: up to {:.2f} N, {:.2f} N beyond the limit, for {:.{}f} s.",
         score.traction ? "pulled" : "pressed", score.most_force_newton + score.overshoot_newton,
-        score.overshoot_newton, score.beyond_s));
+        score.overshoot_newton, score.beyond_s, score.beyond_s < 0.1 ? 3 : 1));
   }
   return findings;
 }
@@ -161,7 +185,8 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
   if (score.end == TaskScore::End::kNotStarted) return figures;
   add("time",
       fmt::format(
-          "{:.1f} s, {}{}", score.time_s, end_text(score.end),
+          "{:.1f} s, {}{}", score.time_s,
+          score.is_cut ? "where the recording breaks off" : end_text(score.end),
           std::isfinite(score.limit_s) ? fmt::format(" (limit {:.0f} s)", score.limit_s) : ""));
   if (score.is_search()) {
     add("found",
@@ -190,7 +215,8 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
   }
   add("path", fmt::format("{:.3f} m", score.path_m));
   add("smoothness", std::isfinite(score.smoothness)
-                        ? fmt::format("{:.2f} (log dimensionless jerk)", score.smoothness)
+                        ? fmt::format("{:.2f} (log dimensionless jerk; nearer to 0 is smoother)",
+                                      score.smoothness)
                         : "not known");
   if (std::isfinite(score.most_force_newton)) {
     add("force limit", fmt::format("{:.2f} N; beyond it by {:.2f} N, for {:.2f} s, {:.3f} N·s",
@@ -226,11 +252,10 @@ nlohmann::ordered_json state_json(const TaskState& state) {
 }
 
 nlohmann::ordered_json score_json(const TaskScore& score) {
-  constexpr std::array<const char*, 5> kEnds{"not_started", "running", "stopped", "time_up",
-                                             "run_ended"};
   nlohmann::ordered_json json;
   json["kind"] = name(score.kind);
-  json["end"] = kEnds[static_cast<std::size_t>(score.end)];
+  json["end"] = name(score.end);
+  json["is_cut"] = score.is_cut;
   json["time_s"] = score.time_s;
   json["limit_s"] = number_or_null(score.limit_s);
   if (score.is_search()) {
@@ -263,6 +288,7 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
   }
   if (score.traction) add_json(*score.traction, json);
   json["force"] = force_json(score.force);
+  json["force_over_time"] = trace_json(score.trace);
   json["path_m"] = score.path_m;
   json["smoothness"] = number_or_null(score.smoothness);
   json["most_force_n"] = number_or_null(score.most_force_newton);

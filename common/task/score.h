@@ -41,6 +41,7 @@ struct MarkScore {
     kGuess,       ///< TargetScore::Outcome::kGuessed
     kRepeated,    ///< of a lesion that is found already
     kFalseAlarm,  ///< where there is nothing, or without a touch; before the loss of resistance
+    kNotSeen,     ///< the telemetry before it is missing, so that it cannot be judged
   };
   double t_s = 0.0;  ///< since the start
   std::string origin{};
@@ -54,6 +55,7 @@ struct TaskScore {
 
   TaskState::Kind kind = TaskState::Kind::kFree;
   End end = End::kNotStarted;
+  bool is_cut = false;  ///< the recording breaks off before the task has ended
   double time_s = 0.0;
   double limit_s = kNotKnown;
   std::vector<TargetScore> targets{};
@@ -61,6 +63,7 @@ struct TaskScore {
   // of a search
   double coverage_ratio = kNotKnown;  ///< of the surface that is to be searched
   double area_m2 = kNotKnown;         ///< of that surface
+  bool is_area_empty = false;         ///< the area of the task meets no surface
   double least_force_newton = kNotKnown;
   ForceFigures elsewhere{};  ///< away from all lesions
   double depth_p95_m = kNotKnown;
@@ -69,6 +72,7 @@ struct TaskScore {
   std::optional<TractionScore> traction{};  ///< of a traction
   // of every task
   ForceFigures force{};
+  ForceTrace trace{};
   double path_m = 0.0;
   double smoothness = kNotKnown;         ///< log dimensionless jerk
   double most_force_newton = kNotKnown;  ///< limit
@@ -88,6 +92,7 @@ struct TaskScore {
 };
 
 [[nodiscard]] const char* name(TaskState::Kind kind);
+[[nodiscard]] const char* name(TaskScore::End end);
 
 /// One sentence each, the most important first; of a task that did not start one that says so.
 [[nodiscard]] std::vector<std::string> findings_of(const TaskScore& score);

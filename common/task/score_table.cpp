@@ -71,16 +71,23 @@ std::string needle_cells(const std::optional<NeedleScore>& needle) {
 
 /// Of a traction; empty without.
 std::string traction_cells(const std::optional<TractionScore>& traction) {
-  if (!traction) return ",,,,,,,,,,";
+  if (!traction) return ",,,,,,,,,,,,,";
   std::string cells;
-  for (const double value :
-       {traction->held_after_s, traction->reached_after_s, traction->done_after_s,
-        traction->longest_s, traction->within_ratio(), traction->retraction_m}) {
+  for (const double value : {traction->held_after_s, traction->reached_after_s,
+                             traction->done_after_s, traction->torn_after_s, traction->longest_s,
+                             traction->within_ratio(), traction->retraction_m}) {
     cells += ',' + csv_number(value);
   }
   return cells +
-         fmt::format(",{},{},{},", traction->tears, traction->slips, traction->slipped_out) +
-         csv_number(traction->force.p95_newton);
+         fmt::format(",{},{},{},{},", traction->grips, traction->tears, traction->slips,
+                     traction->slipped_out) +
+         csv_number(traction->force.p95_newton) + fmt::format(",{}", traction->unknown_ticks);
+}
+
+/// The last four columns of a region.
+std::string force_cells(const ForceFigures& force) {
+  return csv_number(force.median_newton) + ',' + csv_number(force.p95_newton) + ',' +
+         csv_number(force.most_newton) + ',' + csv_number(force.touch_s) + '\n';
 }
 
 /// The end of the path, which tells runs apart.
@@ -108,7 +115,7 @@ DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
   DetectionFigures figures;
   for (const NamedScore& one : scores) {
     const TaskScore& score = one.score;
-    if (!score.is_search() || score.end == TaskScore::End::kNotStarted) continue;
+    if (!score.is_search() || score.end == TaskScore::End::kNotStarted || score.is_cut) continue;
     ++figures.runs;
     figures.false_alarms += score.count(MarkScore::Outcome::kFalseAlarm);
     figures.sensitivity.hits += score.count(TargetScore::Outcome::kFound);
@@ -185,17 +192,24 @@ std::string compared_text(const std::vector<NamedScore>& scores) {
 
 std::string table_csv(const std::vector<NamedScore>& scores) {
   std::string csv =
-      "run,kind,targets,found,guessed,missed,false_alarms,time_s,coverage_ratio,force_median_n,"
+      "run,kind,end,is_cut,targets,found,guessed,missed,false_alarms,time_s,coverage_ratio,force_"
+      "median_n,"
       "force_p95_n,force_most_n,touch_s,depth_p95_m,depth_most_m,path_m,smoothness,overshoot_n,"
       "beyond_s,damage_n_s,missing_ratio,outcome,punctured_after_s,told_after_s,insertion_depth_m,"
-      "sideways_m,overshoot_m,end_behind_m,held_after_s,reached_after_s,done_after_s,longest_s,"
-      "within_ratio,retraction_m,tears,slips,slipped_out,force_held_p95_n\n";
+      "sideways_m,overshoot_m,end_behind_m,held_after_s,reached_after_s,done_after_s,torn_after_s,"
+      "longest_s,within_ratio,retraction_m,grips,tears,slips,slipped_out,force_held_p95_n,"
+      "unknown_grip_ticks\n";
   for (const NamedScore& one : scores) {
     const TaskScore& s = one.score;
-    csv += fmt::format(
-        "{},{},{},{},{},{},{},", csv_cell(one.run), name(s.kind), s.targets.size(),
-        s.count(TargetScore::Outcome::kFound), s.count(TargetScore::Outcome::kGuessed),
-        s.count(TargetScore::Outcome::kMissed), s.count(MarkScore::Outcome::kFalseAlarm));
+    csv +=
+        fmt::format("{},{},{},{},", csv_cell(one.run), name(s.kind), name(s.end), s.is_cut ? 1 : 0);
+    csv += s.is_search() ? fmt::format("{},{},{},{},", s.targets.size(),
+                                       s.count(TargetScore::Outcome::kFound),
+                                       s.count(TargetScore::Outcome::kGuessed),
+                                       s.count(TargetScore::Outcome::kMissed))
+                         : ",,,,";
+    const bool has_marks = s.is_search() || s.needle;
+    csv += has_marks ? fmt::format("{},", s.count(MarkScore::Outcome::kFalseAlarm)) : ",";
     const auto add = [&](double value, char after) { csv += csv_number(value) + after; };
     for (const double value :
          {s.time_s, s.coverage_ratio, s.force.median_newton, s.force.p95_newton,
@@ -205,6 +219,35 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
     }
     add(s.missing_ratio(), ',');
     csv += outcome_of(s) + needle_cells(s.needle) + traction_cells(s.traction) + '\n';
+  }
+  return csv;
+}
+
+std::string regions_csv(const std::vector<NamedScore>& scores) {
+  std::string csv =
+      "run,region,outcome,found_after_s,mark_distance_m,palpable_n,contrast_ratio,punctures,"
+      "punctured_after_s,puncture_depth_m,puncture_n,force_median_n,force_p95_n,force_most_n,"
+      "touch_s\n";
+  for (const NamedScore& one : scores) {
+    const std::string run = csv_cell(one.run);
+    for (const TargetScore& target : one.score.targets) {
+      csv +=
+          fmt::format("{},{},{},{},{},{},{},,,,,", run, csv_cell(target.name), name(target.outcome),
+                      csv_number(target.found_after_s), csv_number(target.mark_distance_m),
+                      csv_number(target.palpable_newton), csv_number(target.contrast_ratio)) +
+          force_cells(target.force);
+    }
+    if (one.score.is_search()) {
+      csv += run + ",elsewhere,,,,,,,,,," + force_cells(one.score.elsewhere);
+    }
+    if (!one.score.needle) continue;
+    for (const LayerScore& layer : one.score.needle->layers) {
+      csv += fmt::format("{},{},{},,,,,{},{},{},{},", run, csv_cell(layer.name),
+                         layer.is_spared ? "spared" : "", layer.punctures,
+                         csv_number(layer.punctured_after_s), csv_number(layer.puncture_depth_m),
+                         csv_number(layer.puncture_newton)) +
+             force_cells(layer.force);
+    }
   }
   return csv;
 }

@@ -27,7 +27,8 @@ struct CountedShare {
   [[nodiscard]] double high() const;
 };
 
-/// What a set of runs says about who searched. Only runs of searches that began count.
+/// What a set of runs says about who searched. Only runs of searches count that
+/// began and whose recording does not break off.
 struct DetectionFigures {
   CountedShare sensitivity;  ///< lesions that were found
   CountedShare specificity;  ///< of the runs without a lesion those without a mark
@@ -44,6 +45,9 @@ struct DetectionFigures {
 [[nodiscard]] std::string compared_text(const std::vector<NamedScore>& scores);
 /// One row a run; columns: docs/tasks.md.
 [[nodiscard]] std::string table_csv(const std::vector<NamedScore>& scores);
+/// One row for each lesion, for the rest of the surface and for each layer of each run; columns:
+/// docs/tasks.md.
+[[nodiscard]] std::string regions_csv(const std::vector<NamedScore>& scores);
 /// {"runs": {NAME: score}, "detection": …}
 [[nodiscard]] nlohmann::ordered_json table_json(const std::vector<NamedScore>& scores);
 

@@ -114,12 +114,25 @@ struct TaskState {
   bool operator==(const TaskState&) const = default;
 };
 
-/// What of a surface was searched in a task.
+/// What a task shows after its end: what of the surface was searched, where lesions are, and the
+/// force over its time.
 struct TaskMap {
   static constexpr std::size_t kMostPlaces = 5000;
 
+  struct Lesion {
+    std::string name{};
+    Vector3 center_m = Vector3::Zero();  ///< W
+    double radius_m = 0.0;
+    bool is_found = false;
+  };
+
   std::vector<std::array<float, 3>> places_m;  ///< on the surface at rest; W
   std::vector<std::uint8_t> is_searched;       ///< of each place, 0 or 1
+  std::vector<Lesion> lesions;
+  double slot_s = 0.0;             ///< of most_newton
+  std::vector<float> most_newton;  ///< largest force in each slot; NaN: not received
+  std::vector<double> marks_s;     ///< since the start
+  double limit_newton = 0.0;       ///< of the task; 0: none
 };
 
 /// The markers of a run, for its RunState.

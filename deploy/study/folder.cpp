@@ -27,9 +27,10 @@ namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kMostBytes = 100'000;
 constexpr const char* kOwnColumns =
-    "study,participant,trial,block,trial_in_block,code,difference_ratio,alternative,right,";
-constexpr std::size_t kCodeCell = 5;
-constexpr std::size_t kRightCell = 8;
+    "study,participant,simulated,trial,block,trial_in_block,code,difference_ratio,alternative,"
+    "right,";
+constexpr std::size_t kCodeCell = 6;
+constexpr std::size_t kRightCell = 9;
 constexpr const char* kRowFile = "row.csv";
 
 void write_whole(const fs::path& file, const std::string& text) {
@@ -60,7 +61,8 @@ std::string Folder::header() {
   return kOwnColumns + after_first_cell(table);
 }
 
-Folder::Folder(fs::path path, const Plan& plan) : path_(std::move(path)), plan_(plan) {
+Folder::Folder(fs::path path, const Plan& plan, bool is_simulated)
+    : path_(std::move(path)), plan_(plan), is_simulated_(is_simulated) {
   const fs::path mark = path_ / "study.txt";
   const std::string content =
       fmt::format("study {}\nfingerprint {:016x}\n", plan.name, plan.fingerprint);
@@ -90,7 +92,7 @@ Folder::Folder(fs::path path, const Plan& plan) : path_(std::move(path)), plan_(
 }
 
 fs::path Folder::folder_of(std::uint64_t participant) const {
-  return path_ / fmt::format("P{:03}", participant);
+  return path_ / fmt::format("{}{:03}", is_simulated_ ? 'S' : 'P', participant);
 }
 
 fs::path Folder::trial_folder(std::uint64_t participant, std::uint64_t number) const {
@@ -107,9 +109,9 @@ fs::path Folder::begin(const Trial& trial) const {
 }
 
 void Folder::keep(const Trial& trial, const TaskScore& score, std::optional<bool> is_right) const {
-  std::string row =
-      fmt::format("{},{},{},{},{},{},", plan_.name, trial.participant, trial.number,
-                  trial.block + 1, trial.in_block + 1, codes_of(plan_)[trial.condition]);
+  std::string row = fmt::format("{},{},{},{},{},{},{},", plan_.name, trial.participant,
+                                is_simulated_ ? 1 : 0, trial.number, trial.block + 1,
+                                trial.in_block + 1, codes_of(plan_)[trial.condition]);
   row += plan_.staircase ? fmt::format("{:.9g},{},{},", trial.difference_ratio,
                                        trial.alternative + 1, is_right.value_or(false) ? 1 : 0)
                          : ",,,";
@@ -141,7 +143,7 @@ std::vector<std::uint64_t> Folder::participants() const {
   std::vector<std::uint64_t> found;
   for (const auto& entry : fs::directory_iterator(path_)) {
     const std::string name = entry.path().filename().string();
-    const bool is_number = name.size() > 1 && name[0] == 'P' &&
+    const bool is_number = name.size() > 1 && name[0] == (is_simulated_ ? 'S' : 'P') &&
                            name.find_first_not_of("0123456789", 1) == std::string::npos;
     if (!is_number || name.size() >= 10) continue;
     const std::uint64_t participant = std::stoull(name.substr(1));

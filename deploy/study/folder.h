@@ -28,7 +28,8 @@ class Folder {
  public:
   /// Creates it, with `key.csv` (which code is which condition), or takes one that the same study
   /// has left. Throws SetupError if it belongs to another study or to another content of this one.
-  Folder(std::filesystem::path path, const Plan& plan);
+  /// @param is_simulated  of participants that are simulated: they are kept apart from people
+  Folder(std::filesystem::path path, const Plan& plan, bool is_simulated);
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] std::filesystem::path folder_of(std::uint64_t participant) const;
@@ -38,7 +39,8 @@ class Folder {
   void keep(const Trial& trial, const TaskScore& score, std::optional<bool> is_right) const;
   /// Of the trials that are done, in order.
   [[nodiscard]] std::vector<TrialRow> rows(std::uint64_t participant) const;
-  /// Who has done at least one trial.
+  [[nodiscard]] bool is_simulated() const { return is_simulated_; }
+  /// Who has done at least one trial, of people or of the simulated.
   [[nodiscard]] std::vector<std::uint64_t> participants() const;
 
   /// Of row files.
@@ -50,6 +52,7 @@ class Folder {
 
   std::filesystem::path path_;
   const Plan& plan_;
+  bool is_simulated_;
 };
 
 /// Nobody else does the trials of the participant meanwhile. Throws SetupError if somebody does.

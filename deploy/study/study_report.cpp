@@ -41,7 +41,8 @@ std::string threshold_text(const std::vector<double>& logs) {
   double mean = 0.0;
   for (const double one : logs) mean += one / static_cast<double>(logs.size());
   const std::string middle = fmt::format("{:.1f} %", 100.0 * std::exp(mean));
-  if (logs.size() < 2) return middle + " (one participant)";
+  if (logs.size() == 1) return middle + " (one participant)";
+  if (logs.size() == 2) return middle + " (2 participants, too few for an interval)";
   double squares = 0.0;
   for (const double one : logs) squares += (one - mean) * (one - mean);
   const auto n = static_cast<double>(logs.size());
@@ -87,7 +88,8 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
       figures[series.order()[i]].log_thresholds.push_back(std::log(threshold));
     }
   }
-  std::string text = fmt::format("{}: {} participants\n", plan.name, participants.size());
+  std::string text = fmt::format("{}: {} {}participants\n", plan.name, participants.size(),
+                                 folder.is_simulated() ? "simulated " : "");
   const std::vector<std::string> codes = codes_of(plan);
   std::vector<std::size_t> order(figures.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

@@ -3,7 +3,6 @@
 // --quick.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -14,6 +13,10 @@
 #include <vector>
 
 #include "common/process/terminal.h"
+
+namespace CLI {
+class App;  // its header costs each source 4 s: those with options of their own include it
+}
 
 namespace palpate::bench {
 

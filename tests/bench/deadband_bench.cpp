@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // deadband_bench — deadbands on hops 2 and 3: messages saved against force error, for several k.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <filesystem>

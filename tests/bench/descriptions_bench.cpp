@@ -2,6 +2,7 @@
 // descriptions_bench — the descriptions on hop 3 that cost mofc_node most: a search among those
 // that the codec accepts, and the time of a tick with what it found.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <ctime>
 

@@ -2,6 +2,7 @@
 // influence_bench — the cost of viewers: timing of the haptic loop with 0, 1 and 8 viewers in real
 // processes, and viewer_node's share of a core while a page sees a deforming tissue.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>

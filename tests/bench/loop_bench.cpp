@@ -2,6 +2,7 @@
 // loop_bench — run time against error of the loop itself: inner step, device rate, physics rate,
 // velocity estimator and order of the contact model, one changed at a time.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <exception>

@@ -4,6 +4,7 @@
 // paper prints. The sessions are those of deploy/sessions, so that `palpate loopback` repeats each
 // row.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <exception>

@@ -3,6 +3,7 @@
 // per controller and use of the interaction. Stable, chattering or unstable, as a table and as a
 // figure.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cstdio>

@@ -2,6 +2,7 @@
 // transparency_bench — how much of the tissue is rendered when physics is slow, far and lossy: a
 // held force and the contact model, without and with the clamp, run time beside error.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <exception>

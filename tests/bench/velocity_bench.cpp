@@ -2,6 +2,7 @@
 // velocity_bench — how mofc_node's velocity estimators trade error against lag, on motions of the
 // simulated hand measured by a 0.055 mm encoder, and the effect on a rigid damper in the loop.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 
@@ -44,6 +45,11 @@ std::vector<Column> columns_of(const std::vector<NamedScore>& scores) {
                          std::string outcome = outcome_of(s);
                          std::replace(outcome.begin(), outcome.end(), '_', ' ');
                          return outcome.empty() ? std::string("–") : outcome;
+                       }});
+  }
+  if (any([](const TaskScore& s) { return s.is_cut; })) {
+    columns.push_back({"complete", [](const TaskScore& s) {
+                         return std::string(s.is_cut ? "no: breaks off" : "yes");
                        }});
   }
   columns.push_back({"time, s", [](const TaskScore& s) { return figure(s.time_s, "{:.1f}"); }});
@@ -106,13 +112,56 @@ std::string table_html(const std::vector<NamedScore>& scores) {
   return html + "</tbody></table></div>\n";
 }
 
+/// Force over the time of the task; the figures below it say the same in words.
+std::string trace_html(const TaskScore& score) {
+  constexpr double kWidth = 600.0;
+  constexpr double kHeight = 80.0;
+  const std::vector<float>& newtons = score.trace.most_newton;
+  if (newtons.size() < 2) return "";
+  double most = std::isfinite(score.most_force_newton) ? 1.1 * score.most_force_newton : 0.5;
+  for (const float newton : newtons) most = std::fmax(most, static_cast<double>(newton));
+  const double across = kWidth / static_cast<double>(newtons.size());
+  const auto height = [&](double newton) { return kHeight * (1.0 - newton / most); };
+  std::string path;
+  bool is_drawing = false;
+  for (std::size_t i = 0; i < newtons.size(); ++i) {
+    const double newton = static_cast<double>(newtons[i]);
+    if (std::isfinite(newton)) {
+      path += fmt::format("{}{:.1f} {:.1f}", is_drawing ? 'L' : 'M',
+                          (static_cast<double>(i) + 0.5) * across, height(newton));
+    }
+    is_drawing = std::isfinite(newton);
+  }
+  std::string lines;
+  const auto add_line = [&](const char* which, double x1, double y1, double x2, double y2) {
+    lines += fmt::format(R"(<line class="{}" x1="{:.1f}" y1="{:.1f}" x2="{:.1f}" y2="{:.1f}"/>)",
+                         which, x1, y1, x2, y2);
+  };
+  if (std::isfinite(score.most_force_newton)) {
+    add_line("limit", 0.0, height(score.most_force_newton), kWidth,
+             height(score.most_force_newton));
+  }
+  for (const MarkScore& mark : score.marks) {
+    const double x = mark.t_s / score.trace.slot_s * across;
+    add_line("mark", x, 0.0, x, kHeight);
+  }
+  return fmt::format(
+      "<figure class=\"trace\"><svg viewBox=\"0 0 {:.0f} {:.0f}\" preserveAspectRatio=\"none\" "
+      "role=\"img\" aria-label=\"Force over the task, at most {:.2f} N.\">{}<path "
+      "d=\"{}\"/></svg>\n"
+      "<figcaption>Force, 0 … {:.1f} N, over {:.0f} s{}</figcaption></figure>\n",
+      kWidth, kHeight, score.force.most_newton, lines, path, most,
+      score.trace.slot_s * static_cast<double>(newtons.size()),
+      score.marks.empty() ? "" : "; upright lines: marks");
+}
+
 std::string run_html(const NamedScore& one, std::size_t index) {
   std::string html = fmt::format("<h3 id=\"run-{}\">{}</h3>\n<p class=\"path\">{}</p>\n<ul>\n",
                                  index, html_escaped(short_name(one.run)), html_escaped(one.run));
   for (const std::string& finding : findings_of(one.score)) {
     html += "<li>" + html_escaped(finding) + "</li>\n";
   }
-  html += "</ul>\n<details><summary>Figures</summary><table>\n";
+  html += "</ul>\n" + trace_html(one.score) + "<details><summary>Figures</summary><table>\n";
   for (const auto& [label, value] : figures_of(one.score)) {
     html += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", html_escaped(label),
                         html_escaped(value));

@@ -55,7 +55,7 @@ TaskScore score_of(RecordingFile& recording, const std::function<void(double)>& 
     }
   }
   mirror.flush_rows();
-  evaluator.finish();
+  evaluator.finish(!recording.mcap().is_whole());
   return evaluator.score();
 }
 

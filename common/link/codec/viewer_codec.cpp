@@ -212,6 +212,17 @@ std::string encode_task_map(const TaskMap& map) {
   wire.mutable_places_m()->assign(reinterpret_cast<const char*>(map.places_m.data()),
                                   map.places_m.size() * sizeof(map.places_m[0]));
   wire.mutable_is_searched()->assign(map.is_searched.begin(), map.is_searched.end());
+  for (const TaskMap::Lesion& lesion : map.lesions) {
+    v1::TaskMap::Lesion& out = *wire.add_lesions();
+    out.set_name(lesion.name);
+    put(lesion.center_m, *out.mutable_center_m());
+    out.set_radius_m(lesion.radius_m);
+    out.set_is_found(lesion.is_found);
+  }
+  wire.set_slot_s(map.slot_s);
+  wire.mutable_most_newton()->Assign(map.most_newton.begin(), map.most_newton.end());
+  wire.mutable_marks_s()->Assign(map.marks_s.begin(), map.marks_s.end());
+  wire.set_limit_newton(map.limit_newton);
   return wire.SerializeAsString();
 }
 

@@ -57,12 +57,15 @@ struct StudyReportCommand {
   StudyOptions study;
   std::string csv_file;
   bool is_open = false;
+  bool is_simulated = false;
   bool may_overwrite = false;
 
   void add_to(CLI::App& app) {
     study.add_to(app, true);
     app.add_option("--csv", csv_file, "write one row a trial to this file; - for standard output")
         ->type_name("FILE");
+    app.add_flag("--simulated", is_simulated,
+                 "of the participants of --loopback instead of people");
     app.add_flag("--unblind", is_open, "name the conditions instead of their codes");
     add_overwrite_flag(app, may_overwrite);
   }
@@ -76,7 +79,7 @@ struct StudyReportCommand {
                        "folder with --folder");
     }
     check_outputs({{"--csv", csv_file}}, {study.file}, may_overwrite);
-    const Folder folder(path, plan);
+    const Folder folder(path, plan, is_simulated);
     if (csv_file != kStandardOutput && !verbosity.is_quiet) {
       std::fputs(summary_text(plan, folder, is_open).c_str(), stdout);
     }
@@ -104,7 +107,8 @@ struct StudyCommand {
         ->type_name("N")
         ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{100'000}));
     auto* const loopback = app.add_flag("--loopback", is_loopback,
-                                        "with the simulated hand of the session, in lockstep");
+                                        "with the simulated hand of the session, in lockstep; kept "
+                                        "apart from the trials of people");
     app.add_option("--weber", simulated.weber_ratio,
                    "of a simulated participant of a staircase: he compares the largest force over "
                    "the target and elsewhere, each with noise of this share of it")
@@ -124,7 +128,7 @@ struct StudyCommand {
       throw SetupError("palpate study: give --participant N, a number and no name");
     }
     const Plan plan = study::load_plan(study.file);
-    const Folder folder(study.folder_of(plan), plan);
+    const Folder folder(study.folder_of(plan), plan, is_loopback);
     const study::ParticipantLock lock(folder, participant);
     study::Series series(plan, participant);
     for (const study::TrialRow& row : folder.rows(participant)) series.take(row.is_right);
@@ -144,7 +148,7 @@ struct StudyCommand {
       ++done;
     }
     if (!verbosity.is_quiet) {
-      std::printf("participant %llu has done all trials\n",
+      std::printf("%sparticipant %llu has done all trials\n", is_loopback ? "simulated " : "",
                   static_cast<unsigned long long>(participant));
     }
     return 0;
@@ -157,8 +161,8 @@ struct StudyCommand {
 
   int said_to_go_on(const Trial& trial, const Verbosity& verbosity) const {
     if (!verbosity.is_quiet) {
-      say(fmt::format("participant {} goes on with trial {}: the same command", participant,
-                      trial.number));
+      say(fmt::format("{}participant {} goes on with trial {}: the same command",
+                      is_loopback ? "simulated " : "", participant, trial.number));
     }
     return 0;
   }

@@ -36,7 +36,9 @@ struct MakeTaskCommand {
 
   void add_to(CLI::App& app) {
     session.add_to(app);
-    app.add_option("--seed", seed, "of the first task (default 1)")->type_name("N");
+    app.add_option("--seed", seed, "of the first task (default 1)")
+        ->type_name("N")
+        ->check(CLI::NonNegativeNumber);
     app.add_option("--count", count, "make so many tasks, with seeds that follow (default 1)")
         ->type_name("N")
         ->check(CLI::Range(1, 1000));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -22,6 +24,7 @@ namespace {
 struct ScoreCommand {
   std::vector<std::string> files;
   std::string csv_file;
+  std::string regions_file;
   std::string json_file;
   std::string html_file;
   bool is_compared = false;
@@ -35,6 +38,11 @@ struct ScoreCommand {
                  "print the figures of the runs beside each other, one column a run");
     app.add_option("--csv", csv_file, "write one row a run to this file; - for standard output")
         ->type_name("FILE");
+    app.add_option(
+           "--regions", regions_file,
+           "write one row for each lesion or layer of each run, with its difficulty and the "
+           "forces over it, to this file; - for standard output")
+        ->type_name("FILE");
     app.add_option("--json", json_file, "write the scores to this file; - for standard output")
         ->type_name("FILE");
     app.add_option("--html", html_file,
@@ -45,8 +53,18 @@ struct ScoreCommand {
   }
 
   int run(const Verbosity& verbosity) const {
-    check_outputs({{"--csv", csv_file}, {"--json", json_file}, {"--html", html_file}}, files,
-                  may_overwrite);
+    check_outputs({{"--csv", csv_file},
+                   {"--regions", regions_file},
+                   {"--json", json_file},
+                   {"--html", html_file}},
+                  files, may_overwrite);
+    std::set<std::filesystem::path> runs;
+    for (const std::string& file : files) {
+      if (!runs.insert(std::filesystem::weakly_canonical(file)).second) {
+        throw SetupError("recording " + file +
+                         ": it is given twice, and would count twice; give each once");
+      }
+    }
     OutputOptions output;
     output.json_file = json_file;
     output.may_overwrite = may_overwrite;
@@ -63,13 +81,16 @@ struct ScoreCommand {
           {file, score_of(recording, [&](double ratio) { progress.show((done + ratio) / all); })});
       status = std::max(status, status_of_damage(recording));
     }
-    const bool prints =
-        csv_file != kStandardOutput && json_file != kStandardOutput && html_file != kStandardOutput;
+    const bool prints = csv_file != kStandardOutput && regions_file != kStandardOutput &&
+                        json_file != kStandardOutput && html_file != kStandardOutput;
     if (prints && !verbosity.is_quiet) std::fputs(text_of(scores).c_str(), stdout);
     if (!csv_file.empty()) write_file("csv file", csv_file, table_csv(scores), may_overwrite);
+    if (!regions_file.empty()) {
+      write_file("csv file", regions_file, regions_csv(scores), may_overwrite);
+    }
     if (!html_file.empty()) write_file("html file", html_file, class_html(scores), may_overwrite);
     json.write(table_json(scores));
-    say_written({csv_file, json_file, html_file}, verbosity);
+    say_written({csv_file, regions_file, json_file, html_file}, verbosity);
     return status;
   }
 

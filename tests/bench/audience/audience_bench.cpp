@@ -5,6 +5,7 @@
 #include <sched.h>
 #include <spdlog/fmt/fmt.h>
 #include <sys/resource.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <chrono>

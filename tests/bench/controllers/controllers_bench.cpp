@@ -3,6 +3,7 @@
 // force true, what does a step cost. Exit status 1 if mode guard or a controller behind the safety
 // net gives energy to the hand, or if nothing does so without a controller.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <atomic>

@@ -2,6 +2,7 @@
 // guarantee_bench — can a hand extract energy? Every controller mode against every adversity of
 // physics, network, scheduler, encoder and profile, with a hand that tries to, in lockstep; beside
 // the run without any controller. And whether mode guard depends on the past.
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>
 #include <vector>

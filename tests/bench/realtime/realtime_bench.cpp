@@ -2,6 +2,7 @@
 // realtime_bench — sessions in real time on an ordinary machine (no SCHED_FIFO, the page open, busy
 // processors), or with the physics on another machine behind a disturbed network.
 #include <spdlog/fmt/fmt.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <csignal>

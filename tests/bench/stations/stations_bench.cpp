@@ -5,6 +5,7 @@
 //   stations_bench [--quick] [--json FILE] [--csv FILE]
 #include <sched.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <csignal>

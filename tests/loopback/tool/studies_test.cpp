@@ -58,7 +58,9 @@ class Studies : public testing::Test {
             participant, "--loopback", "--weber",  "0.1"};
   }
   [[nodiscard]] std::string table(const std::string& plan_file, const std::string& folder) const {
-    return palpate({"study", "report", plan_file, "--folder", path(folder), "--csv", "-"}).out;
+    return palpate({"study", "report", plan_file, "--folder", path(folder), "--simulated", "--csv",
+                    "-"})
+        .out;
   }
 
   test::RunFolder run_folder_;
@@ -74,7 +76,8 @@ TEST_F(Studies, AStaircaseFindsTheThresholdOfParticipantsWhoseSensesAreKnown) {
     const Outcome outcome = palpate(trials(file, "s", participant));
     ASSERT_EQ(outcome.status, 0) << outcome.err;
   }
-  const Outcome report = palpate({"study", "report", file, "--folder", path("s"), "--unblind"});
+  const Outcome report =
+      palpate({"study", "report", file, "--folder", path("s"), "--simulated", "--unblind"});
   ASSERT_EQ(report.status, 0) << report.err;
   std::smatch found;
   ASSERT_TRUE(std::regex_search(
@@ -96,7 +99,7 @@ TEST_F(Studies, AKillCostsTheTrialThatRunsAndNothingElse) {
   const Outcome whole = palpate(trials(file, "whole", "1"));
   ASSERT_EQ(whole.status, 0) << whole.err;
   const auto row = [&](const std::string& number) {
-    return std::filesystem::exists(path("cut") + "/P001/trial_" + number + "/row.csv");
+    return std::filesystem::exists(path("cut") + "/S001/trial_" + number + "/row.csv");
   };
   {
     Program running("palpate", trials(file, "cut", "1"));
@@ -119,15 +122,18 @@ TEST_F(Studies, NoisyHandsDoTheTrialsOfAShippedStudyInBalancedOrder) {
                  "--hand-noise-mm", "0.3", "-q", "--trials", "4"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
   }
-  const Outcome report = palpate(
-      {"study", "report", study, "--folder", path("e"), "--unblind", "--csv", path("e.csv")});
+  const Outcome report = palpate({"study", "report", study, "--folder", path("e"), "--simulated",
+                                  "--unblind", "--csv", path("e.csv")});
   EXPECT_EQ(report.status, 0) << report.err;
   const std::string csv = text_of(path("e.csv"));
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 9);
-  EXPECT_THAT(csv, AllOf(HasSubstr("condition,study,participant,trial,"),
-                         HasSubstr("\nforce,epidural_delay,1,1,1,1,"),
-                         HasSubstr("\nno force,epidural_delay,1,4,2,1,"),
-                         HasSubstr("\nno force,epidural_delay,2,1,1,1,"), HasSubstr(",needle,")));
+  EXPECT_THAT(csv, AllOf(HasSubstr("condition,study,participant,simulated,trial,"),
+                         HasSubstr("\nforce,epidural_delay,1,1,1,1,1,"),
+                         HasSubstr("\nno force,epidural_delay,1,1,4,2,1,"),
+                         HasSubstr("\nno force,epidural_delay,2,1,1,1,1,"), HasSubstr(",needle,")));
+  // to try a plan costs no participant: people begin with their first trial
+  const Outcome people = palpate({"study", "report", study, "--folder", path("e")});
+  EXPECT_THAT(people.out, HasSubstr("epidural_delay: 0 participants"));
 }
 
 TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
@@ -141,9 +147,10 @@ TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
       palpate({"study", file, "--folder", path("r"), "--participant", "7", "--trials", "1"});
   EXPECT_EQ(first.status, 0) << first.err;
   EXPECT_THAT(first.err, HasSubstr("participant 7 goes on with trial 2"));
-  const std::string csv = table(file, "r");
+  const std::string csv =
+      palpate({"study", "report", file, "--folder", path("r"), "--csv", "-"}).out;
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 2);
-  EXPECT_THAT(csv, HasSubstr("\ntry,7,1,1,1,A,,,,free,"));
+  EXPECT_THAT(csv, HasSubstr("\ntry,7,0,1,1,1,A,,,,free,"));
 }
 
 TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {

@@ -119,13 +119,24 @@ TEST(Health, TellsOfEachSideWhatAPageShowsWithoutItsTelemetry) {
 
 TEST(TaskMapMessage, HasAByteAndThreeFloatsOfEachPlace) {
   v1::TaskMap wire;
-  ASSERT_TRUE(wire.ParseFromString(
-      encode_task_map({.places_m = {{0.5F, 0, -0.25F}, {1, 2, 3}}, .is_searched = {1, 0}})));
+  ASSERT_TRUE(wire.ParseFromString(encode_task_map(
+      {.places_m = {{0.5F, 0, -0.25F}, {1, 2, 3}},
+       .is_searched = {1, 0},
+       .lesions = {{.name = "lump", .center_m = {1, 2, 3}, .radius_m = 0.5, .is_found = true}},
+       .slot_s = 0.2,
+       .most_newton = {1.5F, 0.0F},
+       .marks_s = {0.3},
+       .limit_newton = 4.0})));
   std::array<float, 6> places{};
   ASSERT_EQ(wire.places_m().size(), sizeof(places));
   std::memcpy(places.data(), wire.places_m().data(), sizeof(places));
   EXPECT_EQ(places, (std::array<float, 6>{0.5F, 0, -0.25F, 1, 2, 3}));
   EXPECT_EQ(wire.is_searched(), std::string("\1\0", 2));
+  ASSERT_EQ(wire.lesions_size(), 1);
+  EXPECT_EQ(wire.lesions(0).center_m().z(), 3.0);
+  EXPECT_TRUE(wire.lesions(0).is_found());
+  EXPECT_EQ(wire.most_newton(0), 1.5F);
+  EXPECT_EQ(wire.marks_s(0), 0.3);
 }
 
 // A page encodes a HandTarget with the schema that it has from /scene_state.

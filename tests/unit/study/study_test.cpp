@@ -141,7 +141,7 @@ TaskScore score_of(double overshoot_m) {
 /// Does so many trials of a participant, as the command does. Returns their conditions.
 std::vector<std::size_t> done(const Plan& plan, const std::filesystem::path& path,
                               std::uint64_t participant, int most) {
-  const Folder folder(path, plan);
+  const Folder folder(path, plan, false);
   Series series(plan, participant);
   for (const TrialRow& row : folder.rows(participant)) series.take(row.is_right);
   std::vector<std::size_t> conditions;
@@ -169,14 +169,14 @@ TEST_F(StudyFolder, OfAnotherStudyIsRefused) {
   Plan plan = plan_of(2);
   static_cast<void>(done(plan, path(), 1, 1));
   plan.fingerprint = 5;
-  EXPECT_THROW(Folder(path(), plan), SetupError);
+  EXPECT_THROW(Folder(path(), plan, false), SetupError);
   files_.write("note.txt", "mine");
-  EXPECT_THROW(Folder(files_.path(), plan), SetupError);
+  EXPECT_THROW(Folder(files_.path(), plan, false), SetupError);
 }
 
 TEST_F(StudyFolder, OneProcessAtATimeDoesTheTrialsOfAParticipant) {
   const Plan plan = plan_of(2);
-  const Folder folder(path(), plan);
+  const Folder folder(path(), plan, false);
   const ParticipantLock lock(folder, 1);
   EXPECT_THROW(ParticipantLock(folder, 1), SetupError);
   EXPECT_NO_THROW(ParticipantLock(folder, 2));
@@ -185,7 +185,7 @@ TEST_F(StudyFolder, OneProcessAtATimeDoesTheTrialsOfAParticipant) {
 TEST_F(StudyFolder, ItsTableIsBlindUntilItIsOpened) {
   const Plan plan = plan_of(2);
   static_cast<void>(done(plan, path(), 1, 100));
-  const Folder folder(path(), plan);
+  const Folder folder(path(), plan, false);
   const std::string blind = table_csv(plan, folder, false);
   EXPECT_THAT(blind, testing::StartsWith("study,participant,trial,block,trial_in_block,code,"));
   EXPECT_THAT(blind, Not(HasSubstr("condition")));

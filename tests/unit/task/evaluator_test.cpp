@@ -236,6 +236,79 @@ TEST(TaskEvaluator, MissingTicksAreCountedAndSaid) {
   run(late, 2.0, over_lump, 500);
   late.finish();
   EXPECT_EQ(late.score().missing_ticks, 500U);
+  EXPECT_NEAR(late.score().time_s, 2.0, 0.002);
+}
+
+// A viewer that was started again during the task: markers are repeated, ticks are not.
+TEST(TaskEvaluator, WhoComesLateKnowsWhenTheTaskBegan) {
+  TaskConfig task = search({lump()});
+  task.is_started_by_person = true;
+  TaskEvaluator evaluator(task, kTool);
+  evaluator.take(plane_scene());
+  const std::vector<Marker> markers{marker(2, 999, Marker::Kind::kTaskStart), marker(3, 3000),
+                                    marker(4, 6000)};
+  evaluator.take(markers);
+  run(
+      evaluator, 8.0, [](double) { return Tip{}; }, 5000);
+  EXPECT_NEAR(evaluator.state().elapsed_s, 7.0, 0.01);
+  evaluator.finish();
+  const TaskScore& score = evaluator.score();
+  EXPECT_NEAR(score.time_s, 7.0, 0.002);
+  EXPECT_EQ(score.ticks, 3000U);
+  EXPECT_EQ(score.missing_ticks, 4000U);
+  ASSERT_THAT(score.marks, SizeIs(2));  // what the hand did before them is not known
+  EXPECT_EQ(score.marks[0].outcome, MarkScore::Outcome::kNotSeen);
+  EXPECT_NEAR(score.marks[0].t_s, 2.0, 0.002);
+  EXPECT_EQ(score.marks[1].outcome, MarkScore::Outcome::kNotSeen);
+  EXPECT_THAT(findings_of(score)[0], HasSubstr("57.1 % of the measurements are missing"));
+  EXPECT_THAT(findings_of(score),
+              Contains("2 marks are not judged: the measurements before them are missing."));
+}
+
+TEST(TaskEvaluator, WhoComesAfterTheEndKnowsThatTheTimeIsUp) {
+  TaskConfig task = search();
+  task.is_started_by_person = true;
+  task.time_s = 2.0;
+  TaskEvaluator evaluator(task, kTool);
+  evaluator.take(plane_scene());
+  evaluator.take({marker(2, 999, Marker::Kind::kTaskStart)});
+  run(evaluator, 9.0, over_lump, 6000);
+  EXPECT_TRUE(evaluator.has_ended());
+  EXPECT_EQ(evaluator.score().end, TaskScore::End::kTimeUp);
+  EXPECT_EQ(evaluator.score().time_s, 2.0);
+  EXPECT_EQ(evaluator.score().missing_ticks, 2000U);
+  EXPECT_EQ(evaluator.score().missing_ratio(), 1.0);
+}
+
+TEST(TaskEvaluator, AMarkInAGapIsNotJudgedAndOneWithoutATouchIsAFalseAlarm) {
+  for (const bool has_gap : {true, false}) {
+    TaskEvaluator evaluator(search({lump()}), kTool);
+    evaluator.take(plane_scene());
+    evaluator.take({marker(2, 3000)});
+    for (std::uint64_t i = 0; i < 6000; ++i) {
+      if (!has_gap || i < 2500 || i >= 3500) evaluator.take(row_of(i, Tip{}));
+    }
+    evaluator.finish();
+    ASSERT_THAT(evaluator.score().marks, SizeIs(1));
+    EXPECT_EQ(evaluator.score().marks[0].outcome,
+              has_gap ? MarkScore::Outcome::kNotSeen : MarkScore::Outcome::kFalseAlarm);
+  }
+}
+
+TEST(TaskEvaluator, ARecordingThatBreaksOffIsAPartOfTheTask) {
+  for (const double limit_s : {2.0, 5.0}) {
+    TaskConfig task = search({lump()});
+    task.time_s = limit_s;
+    TaskEvaluator evaluator(task, kTool);
+    evaluator.take(plane_scene());
+    run(evaluator, 4.0, over_lump);
+    evaluator.finish(true);
+    const bool is_part = limit_s > 4.0;
+    EXPECT_EQ(evaluator.score().is_cut, is_part);
+    EXPECT_EQ(score_json(evaluator.score())["is_cut"], is_part);
+    EXPECT_EQ(findings_of(evaluator.score())[0].starts_with("The recording breaks off 4.0 s"),
+              is_part);
+  }
 }
 
 TEST(TaskEvaluator, ADeviceThatIsStartedAgainIsSaid) {

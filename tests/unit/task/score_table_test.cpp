@@ -6,11 +6,14 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
 
 namespace palpate {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::SizeIs;
 
 NamedScore run_of(const std::string& name, const std::vector<TargetScore::Outcome>& outcomes,
                   std::size_t false_alarms) {
@@ -31,12 +34,15 @@ std::vector<NamedScore> class_of_runs() {
   NamedScore idle = run_of("idle.mcap", {kMissed}, 0);
   idle.score.end = TaskScore::End::kNotStarted;
   runs.push_back(idle);
+  NamedScore cut = run_of("cut.mcap", {kMissed}, 0);
+  cut.score.is_cut = true;
+  runs.push_back(cut);
   return runs;
 }
 
 TEST(ScoreTable, SensitivityAndSpecificityOverASetOfRuns) {
   const DetectionFigures figures = detection_of(class_of_runs());
-  EXPECT_EQ(figures.runs, 4U);  // the one that did not start does not count
+  EXPECT_EQ(figures.runs, 4U);  // neither the one that did not start nor the cut one
   EXPECT_EQ(figures.sensitivity.hits, 2U);
   EXPECT_EQ(figures.sensitivity.cases, 4U);
   EXPECT_EQ(figures.specificity.hits, 1U);
@@ -58,12 +64,45 @@ TEST(ScoreTable, TextHasALineForEachRunAndCsvARow) {
   EXPECT_THAT(text, HasSubstr("one.mcap"));
   EXPECT_THAT(text, HasSubstr("2 of 4, 50 % (95 % interval 15 … 85 %)"));
   const std::string csv = table_csv(class_of_runs());
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 6);
-  EXPECT_THAT(csv, HasSubstr("\n\"a/two, again.mcap\",palpation,2,1,1,0,0,0,,"));
-  const std::string head = csv.substr(0, csv.find('\n'));
-  const std::string row =
-      csv.substr(head.size() + 1, csv.find('\n', head.size() + 1) - head.size());
-  EXPECT_EQ(std::count(head.begin(), head.end(), ','), std::count(row.begin(), row.end(), ','));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 7);
+  EXPECT_THAT(csv, HasSubstr("\n\"a/two, again.mcap\",palpation,stopped,0,2,1,1,0,0,0,,"));
+  EXPECT_THAT(csv, HasSubstr("\ncut.mcap,palpation,stopped,1,1,0,0,1,0,"));
+}
+
+/// Commas of each line; those in quotes are none.
+std::set<std::ptrdiff_t> commas_of(const std::string& csv) {
+  std::set<std::ptrdiff_t> counts;
+  std::ptrdiff_t commas = 0;
+  bool is_quoted = false;
+  for (const char c : csv) {
+    if (c == '"') is_quoted = !is_quoted;
+    if (c == ',' && !is_quoted) ++commas;
+    if (c == '\n') counts.insert(std::exchange(commas, 0));
+  }
+  return counts;
+}
+
+// What a task of another kind does not have is empty in its row, not 0.
+TEST(ScoreTable, EveryRowHasEveryColumn) {
+  std::vector<NamedScore> runs = class_of_runs();
+  NamedScore& needle = runs.emplace_back();
+  needle.run = "needle.mcap";
+  needle.score.kind = TaskState::Kind::kNeedle;
+  needle.score.needle.emplace().layers = {{.name = "skin"}, {.name = "dura", .is_spared = true}};
+  NamedScore& traction = runs.emplace_back();
+  traction.run = "traction.mcap";
+  traction.score.kind = TaskState::Kind::kTraction;
+  traction.score.traction.emplace().grips = 3;
+  const std::string csv = table_csv(runs);
+  EXPECT_THAT(commas_of(csv), SizeIs(1)) << csv;
+  EXPECT_THAT(csv, HasSubstr("\nneedle.mcap,needle,not_started,0,,,,,0,"));
+  EXPECT_THAT(csv, HasSubstr("\ntraction.mcap,traction,not_started,0,,,,,,"));
+
+  const std::string regions = regions_csv(runs);
+  EXPECT_THAT(commas_of(regions), SizeIs(1)) << regions;
+  EXPECT_THAT(regions, HasSubstr("\na/one.mcap,lump,found,"));
+  EXPECT_THAT(regions, HasSubstr("\na/one.mcap,elsewhere,"));
+  EXPECT_THAT(regions, HasSubstr("\nneedle.mcap,dura,spared,"));
 }
 
 TEST(ScoreTable, ComparedRunsStandBesideEachOther) {

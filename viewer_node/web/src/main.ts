@@ -24,7 +24,8 @@ import { floats_of, scene_signature, Surface, type ColourMode } from "./scene/su
 import { kNodes, norm, Telemetry, type NodeName } from "./telemetry";
 import { TaskPanel } from "./task";
 import { TimelineCard } from "./timeline";
-import type { DeviceTelemetry, Health, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState, TaskMap } from "./wire";
+import { MarkerKind } from "./wire";
+import type { DeviceTelemetry, Health, Lesion, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState, TaskMap } from "./wire";
 
 // About the time in which a curve moves by a pixel.
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
@@ -58,7 +59,11 @@ const acknowledge = new AcknowledgeControl(by_id("acknowledge"),
 const run = new RunControl(by_id("tools"), by_id("replay"), timeline_card.marker_text,
   (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
 const task = new TaskPanel(by_id("task"),
-  (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
+  (request) => {
+    // who starts it is about to touch: arrow keys lead the hand then
+    if (request.markerKind === MarkerKind.task_start && hand.status.is_allowed) touch(true);
+    return client.publish("/run_request", "palpate.v1.RunRequest", { ...request });
+  });
 const recordings = new RecordingList(by_id<HTMLDetailsElement>("recordings"), location.search);
 const counters = new Counters(by_id("plots"));
 const chips = new NodeChips(by_id("nodes"));
@@ -80,7 +85,7 @@ const begun_s = seconds();
 let has_been_connected = false;
 let refusal = ""; // why the last attempt to connect failed, if that is known
 let status = { text: "", until_s: -Infinity };
-let map: { places: Float32Array; is_searched: Uint8Array } | null = null; // of a task that has ended
+let map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null = null; // of a task that has ended
 let mesh_frames = 0;
 let mesh_cost_s = 0;
 let plot_draws = 0;
@@ -92,7 +97,8 @@ const handlers: Record<string, Handler> = {
   "/mesh": (message: MeshFrame) => take_mesh(message),
   "/mesh_steps": (message: MeshSteps) => take_mesh_steps(message),
   "/task_map": (message: TaskMap) => {
-    map = { places: floats_of(message.placesM), is_searched: message.isSearched.slice() };
+    map = { places: floats_of(message.placesM), is_searched: message.isSearched.slice(), lesions: message.lesions };
+    task.trace = message;
     show_map();
   },
   "/log": (message: Log) => {
@@ -121,9 +127,8 @@ const handlers: Record<string, Handler> = {
 };
 
 function show_map(): void {
-  const has_map = map !== null && map.places.length > 0;
-  view.set_map(has_map ? map : null);
-  task.has_map = has_map;
+  view.set_map(map);
+  task.show_keys(map !== null && map.places.length > 0, map?.lesions.map(({ isFound }) => isFound) ?? []);
 }
 
 /** "/device", or "/left/device" of a side. */
@@ -407,6 +412,9 @@ document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
   if (event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement) return;
   if (run.key(event.key)) return;
+  // arrows mean nothing to a button: with the focus on "Mark a find" they lead the hand
+  const is_free = event.target === document.body || event.target instanceof HTMLButtonElement;
+  if (is_free && hand.is_touching && hand.key(event.key)) event.preventDefault();
   if (event.key === "p") pause(!is_paused);
   else if (event.key === "m" && !task.mark()) run.mark();
   else if (event.key === "t" && hand.status.is_allowed) touch(!hand.is_touching);

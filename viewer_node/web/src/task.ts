@@ -3,7 +3,7 @@
 // score. In plain words; all of it by keyboard, and said to a screen reader.
 import { make, write } from "./card";
 import { clock_words, has_marks } from "./run";
-import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskState, type Traction } from "./wire";
+import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskMap, type TaskState, type Traction } from "./wire";
 
 /** What is said of a change; "" if nothing is. */
 export function task_news(before: TaskState | null, now: TaskState): string {
@@ -43,6 +43,50 @@ export function time_words({ elapsedS, timeS }: TaskState): string {
   return timeS > 0 ? `${clock_words(Math.ceil(timeS - elapsedS))} left` : clock_words(elapsedS);
 }
 
+const kSvg = "http://www.w3.org/2000/svg";
+const kTraceWidth = 600; // units of the drawing, which fills the panel
+const kTraceHeight = 80;
+
+/** The force over a whole task, its limit and the marks. */
+class ForceTrace {
+  readonly element = make("figure", "trace");
+  private readonly drawing = document.createElementNS(kSvg, "svg");
+  private readonly caption = make("figcaption");
+
+  constructor() {
+    this.drawing.setAttribute("viewBox", `0 0 ${kTraceWidth} ${kTraceHeight}`);
+    this.drawing.setAttribute("preserveAspectRatio", "none");
+    this.drawing.setAttribute("role", "img");
+    this.element.append(this.drawing, this.caption);
+    this.element.hidden = true;
+  }
+
+  take({ mostNewton, slotS, marksS, limitNewton }: TaskMap): void {
+    const known = mostNewton.filter(Number.isFinite);
+    const most = Math.max(0, ...known);
+    const top = Math.max(0.5, 1.1 * limitNewton, most);
+    const across = kTraceWidth / Math.max(mostNewton.length, 1);
+    const height = (newton: number) => kTraceHeight * (1 - newton / top);
+    let path = "";
+    mostNewton.forEach((newton, i) => {
+      if (!Number.isFinite(newton)) return;
+      const is_joined = i > 0 && Number.isFinite(mostNewton[i - 1]);
+      path += `${is_joined ? "L" : "M"}${((i + 0.5) * across).toFixed(1)} ${height(newton).toFixed(1)}`;
+    });
+    const shape = (name: string, attributes: Record<string, string | number>) => {
+      const made = document.createElementNS(kSvg, name);
+      for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, `${value}`);
+      return made;
+    };
+    const marks = marksS.map((s) => (s / slotS) * across).map((x) => shape("line", { class: "mark", x1: x, x2: x, y1: 0, y2: kTraceHeight }));
+    const limit = limitNewton > 0 ? [shape("line", { class: "limit", x1: 0, x2: kTraceWidth, y1: height(limitNewton), y2: height(limitNewton) })] : [];
+    this.drawing.replaceChildren(...limit, ...marks, shape("path", { d: path }));
+    const words = `Force over the task, 0 to ${top.toFixed(1)} N in ${clock_words(slotS * mostNewton.length)}: at most ${most.toFixed(2)} N`;
+    this.drawing.setAttribute("aria-label", `${words}.`);
+    write(this.caption, words + (limitNewton > 0 ? `; dashed: the limit of ${limitNewton.toFixed(1)} N` : "") + (marksS.length > 0 ? "; upright: your marks" : ""));
+  }
+}
+
 export class TaskPanel {
   can_publish = false;
   private state: TaskState | null = null;
@@ -56,6 +100,7 @@ export class TaskPanel {
   private readonly stop: HTMLButtonElement;
   private readonly findings = make("ul", "findings");
   private readonly map_key = make("p", "map-key"); // of the points on the organ
+  private readonly force = new ForceTrace();
   private readonly figures = make("dl", "figures");
 
   constructor(private readonly element: HTMLElement, private readonly publish: (request: RunRequest) => boolean) {
@@ -74,18 +119,25 @@ export class TaskPanel {
     this.stop = button("task-stop", "Stop", "", () => this.publish({ marker: "", markerKind: MarkerKind.task_stop }));
     const buttons = make("div", "buttons");
     buttons.append(this.start, this.find, this.stop);
-    for (const [kind, words] of [["searched", "pressed"], ["not-searched", "not pressed"]]) {
-      const swatch = make("i", kind);
-      swatch.setAttribute("aria-hidden", "true");
-      this.map_key.append(swatch, make("span", "", `${words} `));
-    }
     this.map_key.hidden = true;
-    element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.map_key, this.figures, this.news);
+    element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.map_key, this.force.element, this.figures, this.news);
   }
 
-  /** Whether the organ shows what was searched. */
-  set has_map(does: boolean) {
-    this.map_key.hidden = !does;
+  /** What the organ shows: what was searched, and the lesions, found or not. */
+  show_keys(has_map: boolean, lesions: boolean[]): void {
+    const keys = has_map ? [["searched", "pressed"], ["not-searched", "not pressed"]] : [];
+    if (lesions.includes(true)) keys.push(["found", "lesion, found"]);
+    if (lesions.includes(false)) keys.push(["not-found", "lesion, not found"]);
+    this.map_key.hidden = keys.length === 0;
+    this.map_key.replaceChildren(...keys.flatMap(([kind, words]) => {
+      const swatch = make("i", kind);
+      swatch.setAttribute("aria-hidden", "true");
+      return [swatch, make("span", "", `${words} `)];
+    }));
+  }
+  /** Force over the time of the task. */
+  set trace(map: TaskMap) {
+    this.force.take(map);
   }
   get has_ended(): boolean {
     return this.state?.phase === TaskPhase.ended;
@@ -128,7 +180,7 @@ export class TaskPanel {
     this.find.hidden = !is_running || !has_marks(task.kind) || !may_act;
     write(this.find, task.kind === TaskKind.needle ? "The resistance is lost (M)" : "Mark a find (M)");
     this.stop.hidden = !is_running || !may_act;
-    this.findings.hidden = this.figures.hidden = !has_ended;
+    this.findings.hidden = this.figures.hidden = this.force.element.hidden = !has_ended;
     if (this.findings.childElementCount !== task.findings.length || this.findings.textContent !== task.findings.join("")) {
       this.findings.replaceChildren(...task.findings.map((finding) => make("li", "", finding)));
     }

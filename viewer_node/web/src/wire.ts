@@ -251,10 +251,21 @@ export interface Traction {
   isHolding: boolean;
   isAtTarget: boolean;
 }
-/** What of the surface was searched. */
+/** What a task shows after its end: what was searched, the lesions, and the force over its time. */
 export interface TaskMap {
   placesM: Uint8Array; // float32 x, y, z of each place; W
   isSearched: Uint8Array; // of each place, 0 or 1
+  lesions: Lesion[];
+  slotS: number; // of mostNewton
+  mostNewton: number[]; // largest force in each slot; NaN: not received
+  marksS: number[]; // since the start
+  limitNewton: number; // 0: none
+}
+export interface Lesion {
+  name: string;
+  centerM: Vector3; // W
+  radiusM: number;
+  isFound: boolean;
 }
 export enum TaskPhase { waiting, running, ended }
 export enum TaskKind { free, palpation, needle, traction }

@@ -10,7 +10,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { linear_table, round_up, table_row, tissue_colour } from "./colours";
 import type { ColourMode, Surface } from "./surface";
 import { kDrawnTip_m, line, set_line, Tool, type Theme, type ToolSize } from "./tool_view";
-import type { Quaternion, Vector3 } from "../wire";
+import type { Lesion, Quaternion, Vector3 } from "../wire";
 
 const kGridPitch_m = 0.01;
 const kNearTool = 1.2; // distance of the view that turns about the tool, in radii of the scene
@@ -21,6 +21,7 @@ const kSoftwareTriangles = 40000; // of a tissue, drawn on the processor
 const kClear = 0.66; // opacity of outer tissue in front of inner tissue and of the tool
 
 /** Of places that were not searched, and of those that were: apart for every kind of sight. */
+const kLesion = new SphereGeometry(1, 16, 12);
 const kMapColours = [new Color("#d95f02"), new Color("#3a86c8")];
 
 interface Drawn {
@@ -61,6 +62,7 @@ export class SceneView {
   private readonly goal = new Mesh(new SphereGeometry(1, 16, 12), goal_material()); // of a traction
   private goal_key = "";
   private readonly map = new Points(new BufferGeometry(), map_material()); // what was searched
+  private readonly lesions = new Group(); // after a search
   private readonly reach = new Box3Helper(new Box3()); // what the tool reaches
   private readonly lamp = new DirectionalLight(0xfff6ec, 2.7);
   private grid: GridHelper | null = null;
@@ -105,7 +107,7 @@ export class SceneView {
     this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
     this.target.visible = this.tether.visible = this.reach.visible = this.goal.visible = this.map.visible = false;
     Object.assign(this.reach.material as LineBasicMaterial, { transparent: true, opacity: 0.7, fog: false });
-    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach, this.others, this.goal, this.map);
+    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach, this.others, this.goal, this.map, this.lesions);
   }
 
   /** Replaces the scene; keeps the camera if the user has moved it. */
@@ -261,10 +263,21 @@ export class SceneView {
     this.is_changed = true;
   }
 
-  /** What of the surface was searched, as points on it; null hides it. */
-  set_map(map: { places: Float32Array; is_searched: Uint8Array } | null): void {
-    this.map.visible = map !== null;
-    if (map) {
+  /** What of the surface was searched, as points on it, and the lesions as balls; null hides them. */
+  set_map(map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null): void {
+    this.map.visible = map !== null && map.places.length > 0;
+    for (const ball of this.lesions.children as Mesh<SphereGeometry, MeshBasicMaterial>[]) ball.material.dispose();
+    this.lesions.clear();
+    for (const { centerM, radiusM, isFound } of map?.lesions ?? []) {
+      const ball = new Mesh(kLesion, goal_material()); // in tissue: seen through it
+      ball.material.wireframe = !isFound; // filled: told apart without colour
+      ball.material.opacity = isFound ? 0.6 : 0.9;
+      ball.material.color.copy(kMapColours[isFound ? 1 : 0]);
+      ball.position.set(centerM.x, centerM.y, centerM.z);
+      ball.scale.setScalar(radiusM);
+      this.lesions.add(ball);
+    }
+    if (map && this.map.visible) {
       const colours = new Float32Array(map.places.length);
       map.is_searched.forEach((is_searched, i) => kMapColours[is_searched ? 1 : 0].toArray(colours, 3 * i));
       this.map.geometry.dispose();
