@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <stop_token>
 #include <thread>
@@ -65,19 +66,69 @@ class HangWatch {
 /// Without a watchdog, and nothing in the session that accepts it: as identify.
 constexpr double kMostUnguardedNewton = 1.0;
 
+/// Of an arm from where the checks began. A push ends after 1 mm; what goes so far coasts, or runs.
+constexpr double kMostTravel_m = 0.05;
+
 /// Thrown between two calls of the driver.
 struct StopRequested {};
+struct WentAway {
+  double travel_m;
+};
+
+/// Sees how far the arm is from where the checks began.
+class TravelWatch final : public HapticDevice {
+ public:
+  /// `device` must outlive it.
+  explicit TravelWatch(HapticDevice& device) : device_(device) {}
+
+  [[nodiscard]] double travel_m() const { return travel_m_; }
+
+  [[nodiscard]] const DeviceSpecification& specification() const noexcept override {
+    return device_.specification();
+  }
+  [[nodiscard]] bool read(DeviceSample& sample) noexcept override {
+    if (!device_.read(sample)) return false;
+    if (sample.hand_position_m.allFinite()) {
+      if (!start_m_) start_m_ = sample.hand_position_m;
+      travel_m_ = (sample.hand_position_m - *start_m_).norm();
+    }
+    return true;
+  }
+  [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
+                           DeviceSample& at_switch) noexcept override {
+    return device_.apply(force_on_hand_newton, lease, at_switch);
+  }
+  [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
+    return device_.take_latched(at_end);
+  }
+  [[nodiscard]] bool release() noexcept override { return device_.release(); }
+  [[nodiscard]] DevicePhase phase() const noexcept override { return device_.phase(); }
+  [[nodiscard]] bool calibrate() noexcept override { return device_.calibrate(); }
+  [[nodiscard]] DeviceError last_error() const noexcept override { return device_.last_error(); }
+  void tap(WireTap* tap) noexcept override { device_.tap(tap); }
+  [[nodiscard]] bool reopen(Duration within) noexcept override { return device_.reopen(within); }
+
+ private:
+  HapticDevice& device_;
+  std::optional<Vector3> start_m_;
+  double travel_m_ = 0.0;
+};
 
 class StoppableBench final : public OpenedDevice {
  public:
   StoppableBench(HapticDevice& device, Clock& clock, Duration period, Duration stamp_tolerance,
-                 const ConformDeviceOptions& options, double limit_newton)
+                 const ConformDeviceOptions& options, double limit_newton,
+                 const TravelWatch* travel)
       : OpenedDevice(device, clock, period, stamp_tolerance, options.profile),
         stop_(options.start_up.stop),
-        limit_newton_(limit_newton) {}
+        limit_newton_(limit_newton),
+        travel_(travel) {}
 
   void pass(Duration time) override {
     if (stop_.stop_requested()) throw StopRequested();
+    if (travel_ != nullptr && travel_->travel_m() > kMostTravel_m) {
+      throw WentAway{travel_->travel_m()};
+    }
     OpenedDevice::pass(time);
   }
   [[nodiscard]] double limit_newton() const override { return limit_newton_; }
@@ -85,6 +136,7 @@ class StoppableBench final : public OpenedDevice {
  private:
   std::stop_token stop_;
   double limit_newton_;
+  const TravelWatch* travel_;  // of a real device
 };
 
 /// @throws SetupError  what the user did not agree to
@@ -148,8 +200,11 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
                           "send SIGUSR2: it moves by itself.");
   }
 
-  StoppableBench bench(*device, clock, period, driver.is_simulated ? Duration{} : period, options,
-                       limit_newton);
+  // a simulated one is asked for the force of its motors, too, which stands behind the interface
+  TravelWatch travel(*device);
+  StoppableBench bench(driver.is_simulated ? *device : travel, clock, period,
+                       driver.is_simulated ? Duration{} : period, options, limit_newton,
+                       driver.is_simulated ? nullptr : &travel);
   std::vector<ConformFinding> findings;
   HangWatch watch(options);
   if (!driver.is_simulated && options.realtime) {
@@ -167,6 +222,13 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
       const bool is_released = release_for_certain(*device, clock);
       throw std::runtime_error(std::string("the checks were stopped; ") +
                                (is_released ? "the motors were released" : kNotReleased));
+    } catch (const WentAway& away) {
+      const bool is_released = release_for_certain(*device, clock);
+      throw std::runtime_error(fmt::format(
+          "the checks were stopped: the arm is {:.0f} mm from where they began, pushed or moved by "
+          "hand (a push ends after 1 mm, and an arm with little friction coasts on); {}. Give a "
+          "smaller device.peak_force_newton, or pad its end stops",
+          1e3 * away.travel_m, is_released ? "the motors were released" : kNotReleased));
     }
     const bool is_good = outcome.verdict == CheckVerdict::kGood;
     const bool is_checked = outcome.verdict != CheckVerdict::kNotObservable;

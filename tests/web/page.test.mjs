@@ -687,7 +687,13 @@ page_test("a task is done with the mouse: briefing, start, marks, stop, score in
   assert.equal(await page.locator("#task button:visible").count(), 0);
   // on the organ: what was searched
   await until(page, (t) => t.task_map?.places === 2500 && t.task_map.searched === 1250, "the map");
-  await page.locator("#task .map-key", { hasText: /pressed\s*not pressed/ }).waitFor();
+  await page.locator("#task .map-key", { hasText: /pressed\s*not pressed\s*lesion, found\s*lesion, not found/ }).waitFor();
+  // and the force over the whole task, with its limit, the mark, and a gap where telemetry is missing
+  await page.getByRole("img", { name: "Force over the task, 0 to 2.5 N in 0:30: at most 2.50 N." }).waitFor();
+  await page.locator("#task .trace", { hasText: "dashed: the limit of 2.0 N; upright: your marks" }).waitFor();
+  const traced = await page.locator("#task .trace path").getAttribute("d");
+  assert.equal(traced.match(/M/g).length, 2);
+  assert.equal(traced.match(/[ML]/g).length, 290);
   server.world.task = undefined;
   await page.locator("#task").waitFor({ state: "hidden" });
   await until(page, (t) => t.task_map === null, "no map without a task that has ended");
@@ -726,7 +732,13 @@ page_test("a task is done with the keyboard alone, and said to a screen reader",
   await said.filter({ hasText: "The task has started." }).waitFor({ state: "attached" });
   // the button that was used has gone: the keyboard is where one goes on
   await page.locator("#task-find:focus").waitFor();
-  await page.locator("#canvas").focus();
+  // and from there arrows lead the hand
+  await until(page, (t) => t.hand.is_allowed, "a hand");
+  const { sent } = (await status(page)).hand;
+  await page.keyboard.press("ArrowRight");
+  await until(page, (t) => t.hand.is_held && t.hand.sent > sent, "a hand that moves");
+  await page.keyboard.press("Escape");
+  await until(page, (t) => !t.hand.is_held, "a hand that is released");
   await page.keyboard.press("m");
   await said.filter({ hasText: "Find 1 marked." }).waitFor({ state: "attached" });
   await page.getByRole("button", { name: "Stop" }).focus();

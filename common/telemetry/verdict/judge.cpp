@@ -127,13 +127,16 @@ class Judge {
   void judge_device() {
     const DeviceCounters& device = f_.device;
     if (has_fault()) {
-      const bool is_latched =
-          device.phase == DevicePhase::kFaulted || device.fault_resets < device.device_faults;
+      const bool is_reset = device.fault_resets >= device.device_faults;
+      const bool is_of_before = !is_reset && f_.device_node.restarts > 0;  // a process that is gone
+      const bool is_latched = device.phase == DevicePhase::kFaulted || (!is_reset && !is_of_before);
       std::string text = fmt::format("device fault: {}", name(device.last_fault));
       if (device.device_faults > 1) text += fmt::format(", {} faults", device.device_faults);
       text += fmt::format("; no force in {} of the ticks{}",
                           percent(ratio(device.fault_ticks, ticks())),
-                          is_latched ? ", latched at the end" : ", reset since");
+                          is_latched     ? ", latched at the end"
+                          : is_of_before ? ", before device_node was started again"
+                                         : ", reset since");
       const bool is_jump =
           device.last_fault == FaultReason::kPositionJumped && is_path_too_fast(f_);
       add({Grade::kBad, "device_fault", text,

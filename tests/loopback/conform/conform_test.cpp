@@ -283,6 +283,26 @@ TEST(ConformDevice, NamesACallThatDoesNotReturn) {
   EXPECT_EQ(found.size(), device::device_checks().size()) << "it returned at last";
 }
 
+// No push goes so far: what does has little friction, or runs away.
+TEST(ConformDevice, EndsWithTheMotorsReleasedWhereTheArmGoesAway) {
+  ManualClock clock;
+  device::Driver driver = driver_of(false);
+  driver.open = [](const Clock& time, const device::StartUp&) {
+    auto opened = std::make_unique<test::ScriptedDevice>(time, false);
+    opened->position_m = Vector3::Zero();
+    opened->before_switch = [device = opened.get()] { device->position_m.x() += 2e-4; };
+    return opened;
+  };
+  const auto checks = [&] {
+    static_cast<void>(conform_device(
+        driver, std::chrono::milliseconds(1), clock,
+        {.may_move_hardware = true, .start_up = {.is_acknowledged = [] { return true; }}}));
+  };
+  EXPECT_THAT(checks, testing::ThrowsMessage<std::runtime_error>(
+                          AllOf(HasSubstr("the arm is 50 mm from where they began"),
+                                HasSubstr("the motors were released"))));
+}
+
 TEST(FindApart, PassesAnyTextOn) {
   const ConformFinding odd{
       .check = "a\x1f\x1e", .text = "b\n\"c\" \xff", .remedy = "d\x1f", .is_checked = false};

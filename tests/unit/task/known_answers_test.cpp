@@ -178,5 +178,26 @@ TEST(KnownAnswers, OvershootTimeAndDamage) {
             0.0);
 }
 
+// 0.1 s a slot up to a minute; then slots double until the task fits.
+TEST(KnownAnswers, TheForceOverATaskHasItsLargestInEachSlot) {
+  for (const auto& [length_s, slot_s] : {std::pair{10.0, 0.1}, {90.0, 0.2}, {200.0, 0.4}}) {
+    ForceTrace trace;
+    for (int i = 0; i < static_cast<int>(1000 * length_s); ++i) {
+      const double t_s = 1e-3 * i;
+      if (t_s < 2.0 || t_s >= 4.0) trace.add(t_s, t_s / length_s);
+    }
+    EXPECT_DOUBLE_EQ(trace.slot_s, slot_s);
+    ASSERT_EQ(trace.most_newton.size(), static_cast<std::size_t>(std::lround(length_s / slot_s)));
+    for (std::size_t i = 0; i < trace.most_newton.size(); ++i) {
+      const double end_s = static_cast<double>(i + 1) * slot_s;
+      if (end_s > 2.0 + 1e-9 && end_s < 4.0 + 1e-9) {
+        EXPECT_TRUE(std::isnan(trace.most_newton[i])) << i;
+      } else {
+        EXPECT_NEAR(trace.most_newton[i], (end_s - 1e-3) / length_s, 1e-4) << i;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace palpate::test

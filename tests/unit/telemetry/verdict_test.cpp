@@ -390,5 +390,21 @@ TEST(Verdict, AsJsonHasGradeCauseAndFindings) {
   EXPECT_FALSE(json["findings"][0]["remedy"].get<std::string>().empty());
 }
 
+// The counters of all processes of a device are summed; a fault of one that is gone is over.
+TEST(Verdict, AFaultOfAProcessThatIsGoneIsNotLatched) {
+  RunFacts facts;
+  facts.device.loop.ticks = 1000;
+  facts.device.device_faults = 1;
+  facts.device.phase = DevicePhase::kEnabled;
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("latched at the end"));
+  facts.device_node.restarts = 1;
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("before device_node was started again"));
+  facts.device.phase = DevicePhase::kFaulted;
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("latched at the end"));
+  facts.device.phase = DevicePhase::kEnabled;
+  facts.device.fault_resets = 1;
+  EXPECT_THAT(words_of(judge(facts)), HasSubstr("reset since"));
+}
+
 }  // namespace
 }  // namespace palpate

@@ -397,7 +397,13 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   /** The block's top, 5 cm wide, of which the left half was searched. */
   function task_map() {
     const places = Array.from({ length: 2500 }, (_, i) => [-0.025 + 1e-3 * (i % 50), -0.025 + 1e-3 * Math.floor(i / 50), 0]);
-    return encode("palpate.v1.TaskMap", { placesM: bytes_of(Float32Array.from(places.flat())), isSearched: Uint8Array.from(places, ([x]) => (x < 0 ? 1 : 0)) });
+    return encode("palpate.v1.TaskMap", { placesM: bytes_of(Float32Array.from(places.flat())), isSearched: Uint8Array.from(places, ([x]) => (x < 0 ? 1 : 0)),
+      lesions: [
+        { name: "lump", centerM: { x: 0.01, y: 0, z: -0.01 }, radiusM: 0.006, isFound: true },
+        { name: "cyst", centerM: { x: -0.01, y: 0, z: -0.01 }, radiusM: 0.004, isFound: false },
+      ],
+      slotS: 0.1, mostNewton: Array.from({ length: 300 }, (_, i) => (i < 20 || i > 29 ? 1.25 * (1 + Math.sin(0.1 * i)) : NaN)),
+      marksS: [12], limitNewton: 2 });
   }
 
   function take_request({ marker, markerKind, seekS, isPaused, speedRatio, isRecording }) {

@@ -535,7 +535,7 @@ Object.defineProperty(window, "__test", {
         })),
         has_pointer: led().pointer !== undefined,
       },
-      task_map: map && { places: map.places.length / 3, searched: map.is_searched.reduce((sum, one) => sum + one, 0) },
+      task_map: map && { places: map.places.length / 3, searched: map.is_searched.reduce((sum, one) => sum + one, 0), lesions: map.lesions.length },
       scene_builds, mesh_frames, mesh_cost_s,
       frames: view.frame_count, frame_cost_s: view.frame_cost_s, plot_draws,
       received: client.frame_count, bytes: client.byte_count, unreadable: client.unreadable_count,
