@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A driver in a shared library, in C: a device that is pushed about by its own force only. Build it
  * with `cc -shared -fPIC -o example_device.so example_device.c`, name it in the session:
- * device { plugin { library: "example_device.so" } }. See palpate_device.h. */
+ * device { plugin { library: "example_device.so" } }. See palpate_device.h. With options:
+ * "no watchdog" its motors go on until they are told, as those of most boards do. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,19 +14,21 @@ struct palpate_device {
   const palpate_device_host* host;
   double position_m[3], force_newton[3];
   int64_t moved_until_ns, lease_end_ns;
+  int has_watchdog;
 };
 
 static const double kPeakNewton = 3.0, kNewtonSecondPerMetre = 20.0;
 
 static void move(palpate_device* d) {
   const int64_t now = d->host->clock_ns(d->host->context);
-  const int64_t end = now < d->lease_end_ns ? now : d->lease_end_ns;
+  /* without a watchdog a force acts until this call, which ends it if its lease is over */
+  const int64_t end = now < d->lease_end_ns || !d->has_watchdog ? now : d->lease_end_ns;
   for (int i = 0; i < 3; ++i) {
     if (end > d->moved_until_ns) {
       d->position_m[i] +=
           d->force_newton[i] / kNewtonSecondPerMetre * 1e-9 * (double)(end - d->moved_until_ns);
     }
-    if (now >= d->lease_end_ns) d->force_newton[i] = 0.0; /* the watchdog */
+    if (now >= d->lease_end_ns) d->force_newton[i] = 0.0;
   }
   d->moved_until_ns = now;
 }
@@ -45,12 +48,14 @@ static void fill(const palpate_device* d, palpate_device_reading* out) {
 
 static palpate_device* open_device(const char* options, const palpate_device_host* host,
                                    char* error, size_t error_size) {
-  if (strcmp(options, "") != 0) {
-    snprintf(error, error_size, "knows no option \"%s\"", options);
+  const int has_watchdog = strcmp(options, "") == 0;
+  if (!has_watchdog && strcmp(options, "no watchdog") != 0) {
+    snprintf(error, error_size, "knows no option \"%s\"; \"no watchdog\" is one", options);
     return NULL;
   }
   palpate_device* d = calloc(1, sizeof(*d));
   d->host = host;
+  d->has_watchdog = has_watchdog;
   d->moved_until_ns = d->lease_end_ns = host->clock_ns(host->context);
   return d;
 }
@@ -58,11 +63,10 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
 static void close_device(palpate_device* d) { free(d); }
 
 static void specify(const palpate_device* d, palpate_device_specification* out) {
-  (void)d;
   strcpy(out->model_name, "example plug-in");
   for (int i = 0; i < 3; ++i) out->workspace_half_extent_m[i] = 0.1;
   out->peak_force_newton = out->continuous_force_newton = kPeakNewton;
-  out->flags = PALPATE_DEVICE_HAS_WATCHDOG | PALPATE_DEVICE_MEASURES_FORCE;
+  out->flags = (d->has_watchdog ? PALPATE_DEVICE_HAS_WATCHDOG : 0) | PALPATE_DEVICE_MEASURES_FORCE;
 }
 
 static int read_device(palpate_device* d, palpate_device_reading* out) {

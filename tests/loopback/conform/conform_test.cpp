@@ -290,7 +290,9 @@ TEST(ConformDevice, EndsWithTheMotorsReleasedWhereTheArmGoesAway) {
   driver.open = [](const Clock& time, const device::StartUp&) {
     auto opened = std::make_unique<test::ScriptedDevice>(time, false);
     opened->position_m = Vector3::Zero();
-    opened->before_switch = [device = opened.get()] { device->position_m.x() += 2e-4; };
+    opened->before_switch = [device = opened.get()] {
+      *device->position_m += Vector3(2e-4, 0.0, 0.0);
+    };
     return opened;
   };
   const auto checks = [&] {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -134,8 +135,20 @@ TEST_F(Tasks, AClassIsOnePageThatLoadsNothingAndWhoseNamesAreText) {
   ASSERT_EQ(palpate({"loopback", session_, "-q", "--seconds", "2", "--no-ideal", "--record", name})
                 .status,
             0);
-  ASSERT_EQ(palpate({"score", name, name, "--html", path("class.html")}).status, 0);
+  const std::string other = path("ben.mcap");
+  std::filesystem::copy_file(name, other);
+  const Outcome twice = palpate({"score", name, other, name, "--html", path("class.html")});
+  EXPECT_EQ(twice.status, 2);
+  EXPECT_THAT(twice.err, HasSubstr("it is given twice, and would count twice"));
+  ASSERT_EQ(palpate({"score", name, other, "--html", path("class.html"), "--regions",
+                     path("regions.csv")})
+                .status,
+            0);
+  const std::string regions = text_of(path("regions.csv"));
+  EXPECT_THAT(regions, AllOf(HasSubstr("run,region,outcome,"), HasSubstr("ben.mcap,elsewhere,")));
   const std::string html = text_of(path("class.html"));
+  EXPECT_THAT(html, AllOf(HasSubstr("aria-label=\"Force over the task, at most "),
+                          HasSubstr("<path d=\"M")));
   // 2 s, in which the hand marks the ball once, without a lesion-free run
   EXPECT_THAT(html, AllOf(HasSubstr("<h2>What was found</h2>"), HasSubstr("Sensitivity"),
                           HasSubstr("no case"), HasSubstr("default-src 'none'"),
@@ -143,6 +156,22 @@ TEST_F(Tasks, AClassIsOnePageThatLoadsNothingAndWhoseNamesAreText) {
   EXPECT_THAT(html, AllOf(testing::Not(HasSubstr("<i>")), testing::Not(HasSubstr("<script")),
                           testing::Not(HasSubstr("http:")), testing::Not(HasSubstr("https:"))));
   EXPECT_EQ(palpate({"score", name, "--html", path("class.html")}).status, 2) << "overwrites";
+}
+
+// As a viewer that is killed, or a disk that is full, leaves it.
+TEST_F(Tasks, ARecordingThatBreaksOffIsThePartOfATask) {
+  const std::string whole = path("whole.mcap");
+  ASSERT_EQ(palpate({"loopback", session_, "-q", "--seconds", "4", "--no-ideal", "--record", whole})
+                .status,
+            0);
+  const std::string bytes = text_of(whole);
+  const std::string cut = files_.write("cut.mcap", bytes.substr(0, bytes.size() * 6 / 10));
+  const Outcome score =
+      palpate({"score", cut, "--json", path("cut.json"), "--csv", path("cut.csv")});
+  EXPECT_EQ(score.status, 1) << score.err;
+  EXPECT_THAT(score.out, HasSubstr("task\n  The recording breaks off "));
+  EXPECT_THAT(text_of(path("cut.json")), HasSubstr("\"is_cut\": true"));
+  EXPECT_THAT(text_of(path("cut.csv")), HasSubstr(",palpation,run_ended,1,"));
 }
 
 TEST_F(Tasks, WhatHasNoTaskIsRefused) {

@@ -215,6 +215,18 @@ std::map<std::string, CheckOutcome> outcomes_of(const std::string& fault) {
   return outcomes;
 }
 
+TEST(PluginConformanceByMotion, TheExampleWithoutAWatchdogPasses) {
+  ManualClock time;
+  const auto plugin =
+      open_plugin({.library = PALPATE_EXAMPLE_DEVICE, .options = "no watchdog"}, time, {});
+  EXPECT_FALSE(plugin->specification().has_motor_watchdog);
+  OpenedDevice bench(*plugin, time, std::chrono::milliseconds(1), {});
+  for (const DeviceCheck& check : device_checks()) {
+    const CheckOutcome outcome = check.run(bench);
+    EXPECT_NE(outcome.verdict, CheckVerdict::kFailed) << check.name << ": " << outcome.text;
+  }
+}
+
 TEST(PluginConformanceByMotion, TheEndOfAForceIsSeen) {
   const CheckOutcome right = outcomes_of("")["lease"];
   EXPECT_EQ(right.verdict, CheckVerdict::kGood) << right.text;

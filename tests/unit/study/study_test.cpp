@@ -187,13 +187,14 @@ TEST_F(StudyFolder, ItsTableIsBlindUntilItIsOpened) {
   static_cast<void>(done(plan, path(), 1, 100));
   const Folder folder(path(), plan, false);
   const std::string blind = table_csv(plan, folder, false);
-  EXPECT_THAT(blind, testing::StartsWith("study,participant,trial,block,trial_in_block,code,"));
+  EXPECT_THAT(blind,
+              testing::StartsWith("study,participant,simulated,trial,block,trial_in_block,code,"));
   EXPECT_THAT(blind, Not(HasSubstr("condition")));
   EXPECT_THAT(summary_text(plan, folder, false), Not(HasSubstr("condition 0")));
   const std::string open = table_csv(plan, folder, true);
   EXPECT_THAT(open, AllOf(testing::StartsWith("condition,study,"),
-                          HasSubstr("\ncondition 0,trial,1,1,1,1,"),
-                          HasSubstr("\ncondition 1,trial,1,2,2,1,")));
+                          HasSubstr("\ncondition 0,trial,1,0,1,1,1,"),
+                          HasSubstr("\ncondition 1,trial,1,0,2,2,1,")));
   // the same number of cells in each row
   std::istringstream lines(open);
   std::set<std::ptrdiff_t> commas;
