@@ -199,6 +199,11 @@ void TaskEvaluator::apply_markers(const Sample& sample) {
         break;
       case Marker::Kind::kTaskStop:
         if (phase_ == TaskState::Phase::kRunning) {
+          if (const std::uint64_t ago = ticks_since(marker, sample); score_.ticks == 0 && ago > 0) {
+            // all of it was before the first tick that was received
+            score_.missing_ticks -= std::min(score_.missing_ticks, ago - 1);
+            score_.time_s = static_cast<double>(score_.missing_ticks) * period_from(sample);
+          }
           end(TaskScore::End::kStopped);
           return;
         }

@@ -158,8 +158,7 @@ TEST(PostMortem, AJumpOfTheEncoderFollowsFromTheReadings) {
 }
 
 TEST(PostMortem, AnotherStateOrALostEntryIsNoticed) {
-  Wired wired(WiredDriver::kHapi,
-              {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
+  Wired wired(WiredDriver::kHapi, {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
   wired.run(3'500);
   const TempFolder folder;
   const FaultFile file = device::read_fault_file(file_of(folder, wired.post_mortem));
@@ -173,8 +172,7 @@ TEST(PostMortem, AnotherStateOrALostEntryIsNoticed) {
 
 // What was not compared is not the same, and the fault is what its entry says.
 TEST(PostMortem, AFileWithAGapNamesItsFaultAndIsNotTheSame) {
-  Wired wired(WiredDriver::kHapi,
-              {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
+  Wired wired(WiredDriver::kHapi, {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
   wired.run(3'500);
   const FaultReason fault = wired.bench->node.counters().last_fault;
   ASSERT_NE(fault, FaultReason::kNone);
@@ -294,8 +292,7 @@ TEST(PostMortem, TheTickDoesNotAllocateForIt) {
 
 // Wherever the disk was full, or the copy ended.
 TEST(PostMortem, AFileThatEndsTooEarlyIsNotTheSame) {
-  Wired wired(WiredDriver::kHapi,
-              {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
+  Wired wired(WiredDriver::kHapi, {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
   wired.run(3'500);
   const TempFolder folder;
   const std::string path = file_of(folder, wired.post_mortem);

@@ -278,6 +278,15 @@ TEST(TaskEvaluator, WhoComesAfterTheEndKnowsThatTheTimeIsUp) {
   EXPECT_EQ(evaluator.score().time_s, 2.0);
   EXPECT_EQ(evaluator.score().missing_ticks, 2000U);
   EXPECT_EQ(evaluator.score().missing_ratio(), 1.0);
+
+  TaskEvaluator stopped(task, kTool);
+  stopped.take(plane_scene());
+  stopped.take(
+      {marker(2, 999, Marker::Kind::kTaskStart), marker(3, 2499, Marker::Kind::kTaskStop)});
+  run(stopped, 9.0, over_lump, 6000);
+  EXPECT_EQ(stopped.score().end, TaskScore::End::kStopped);
+  EXPECT_NEAR(stopped.score().time_s, 1.5, 1e-9);
+  EXPECT_EQ(stopped.score().missing_ticks, 1500U);
 }
 
 TEST(TaskEvaluator, AMarkInAGapIsNotJudgedAndOneWithoutATouchIsAFalseAlarm) {

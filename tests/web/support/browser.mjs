@@ -11,7 +11,7 @@ import { changed_pixels, decode_png } from "./png.mjs";
 
 // WebGL on the processor, but not what the page is composed of, for which that is slower; the rest
 // keeps the browser from talking to anybody
-const kFlags = [
+export const kFlags = [
   "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
   "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
   "--disable-gpu-compositing",

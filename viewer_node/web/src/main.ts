@@ -310,11 +310,16 @@ function set_tools(): void {
 function take_sides(message: Health): void {
   sides.take(message);
   if (!sides.are_many || is_paused) return;
+  are_labels_due = true;
   view.set_others(sides.states.flatMap(({ toolPositionWorldM }, index) => (index !== sides.index && toolPositionWorldM ? [toolPositionWorldM] : [])));
 }
+let are_labels_due = true; // of the other tools, where there are many
 function label_tools(): void {
   if (sides.names.length < 2) return;
+  const is_shown_only = sides.are_many && !are_labels_due;
+  are_labels_due = false;
   sides.states.forEach((side, index) => {
+    if (is_shown_only && index !== sides.index) return;
     const tool_m = index === sides.index ? telemetry.tool_m : side.toolPositionWorldM;
     sides.label(index, tool_m && Number.isFinite(tool_m.x) ? view.project(tool_m) : null);
   });
@@ -422,7 +427,10 @@ document.addEventListener("keydown", (event) => {
 
 // ---- the picture
 
-view.on_camera = () => measure.write(view);
+view.on_camera = () => {
+  are_labels_due = true;
+  measure.write(view);
+};
 new ResizeObserver(() => {
   view.resize(canvas.clientWidth, canvas.clientHeight);
   for (const plot of plots.all) plot.resize();

@@ -552,7 +552,7 @@ function draw_grid_on_tissue(shader: WebGLProgramParametersWithUniforms): void {
 }
 
 function tips(count: number, material: MeshStandardMaterial): InstancedMesh {
-  const made = new InstancedMesh(new SphereGeometry(1, 16, 12), material, count);
+  const made = new InstancedMesh(new SphereGeometry(1, 12, 8), material, count);
   made.frustumCulled = false;
   return made;
 }
