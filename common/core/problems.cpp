@@ -23,6 +23,14 @@ std::string one_line(std::string_view text) {
   for (char& c : line) {
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
   }
+  // U+200E, U+200F, U+202A … U+202E, U+2066 … U+2069 turn the order of what is shown
+  for (std::size_t at = 0; (at = line.find('\xE2', at)) != std::string::npos; ++at) {
+    const std::string_view end = std::string_view(line).substr(at + 1, 2);
+    const bool is_mark = end >= "\x80\x8E" && end <= "\x80\x8F";
+    const bool is_embedding = end >= "\x80\xAA" && end <= "\x80\xAE";
+    const bool is_isolate = end >= "\x81\xA6" && end <= "\x81\xA9";
+    if (is_mark || is_embedding || is_isolate) line.replace(at, 3, "?");
+  }
   return line;
 }
 

@@ -16,7 +16,8 @@ struct Place {
   int column = 1;           ///< in bytes, from 1; 0: the line as a whole
 };
 
-/// The text in one line: control characters replaced, the middle of a long text left out.
+/// The text in one line: control characters, also those of direction, replaced, the middle of a
+/// long text left out.
 [[nodiscard]] std::string one_line(std::string_view text);
 
 class Problems {

@@ -140,6 +140,11 @@ void TaskEvaluator::process(const Sample& sample) {
   }
   if (task_.time_s && sample.t_s - begin_s_ >= *task_.time_s) {
     score_.time_s = *task_.time_s;
+    const double period_s = period_from(sample);
+    if (score_.ticks == 0 && period_s > 0.0) {
+      // all of it was before the first tick that was received
+      score_.missing_ticks = static_cast<std::uint64_t>(std::llround(*task_.time_s / period_s));
+    }
     end(TaskScore::End::kTimeUp);
     return;
   }
@@ -232,14 +237,8 @@ double TaskEvaluator::period_from(const Sample& first) const {
 void TaskEvaluator::begin(const Sample& first, std::uint64_t ticks_before) {
   phase_ = TaskState::Phase::kRunning;
   score_.end = TaskScore::End::kRunning;
-  const double period_s = period_from(first);
-  begin_s_ = first.t_s - static_cast<double>(ticks_before) * period_s;
+  begin_s_ = first.t_s - static_cast<double>(ticks_before) * period_from(first);
   score_.missing_ticks = ticks_before;
-  if (!task_.time_s || !(period_s > 0.0)) return;
-  const double most = std::ceil(*task_.time_s / period_s);
-  if (static_cast<double>(ticks_before) > most) {
-    score_.missing_ticks = static_cast<std::uint64_t>(most);
-  }
 }
 
 void TaskEvaluator::end(TaskScore::End how) {

@@ -170,9 +170,10 @@ std::vector<std::string> findings_of(const TaskScore& score) {
   }
   if (score.overshoot_newton > 0.0) {
     findings.push_back(fmt::format(
-        "You {} too hard: up to {:.2f} N, {:.2f} N beyond the limit, for {:.{}f} s.",
+        "You {} too hard: up to {:.1f} N, {:.{}f} N beyond the limit, for {:.{}f} s.",
         score.traction ? "pulled" : "pressed", score.most_force_newton + score.overshoot_newton,
-        score.overshoot_newton, score.beyond_s, score.beyond_s < 0.1 ? 3 : 1));
+        score.overshoot_newton, score.overshoot_newton < 0.1 ? 2 : 1, score.beyond_s,
+        score.beyond_s < 0.1 ? 3 : 1));
   }
   return findings;
 }

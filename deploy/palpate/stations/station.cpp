@@ -29,6 +29,7 @@ using nlohmann::json;
 
 constexpr std::uint64_t kMostBytes = 1 << 20;
 constexpr std::size_t kMostNews = 60;
+constexpr double kMostShown = 1e6;  // of a number
 
 /// One question to one station.
 class Question : public std::enable_shared_from_this<Question> {
@@ -107,7 +108,9 @@ const json& member(const json& from, const char* key) {
 }
 
 std::string number_text(const json& value, const char* form, double scale = 1.0) {
-  return value.is_number() ? fmt::format(fmt::runtime(form), scale * value.get<double>()) : "";
+  if (!value.is_number()) return "";
+  const double number = scale * value.get<double>();
+  return std::abs(number) < kMostShown ? fmt::format(fmt::runtime(form), number) : "";
 }
 
 /// A station of a stranger may say anything, in any type.

@@ -362,8 +362,9 @@ void measure_audience(const BenchOptions& options, std::size_t clients, double s
 
   // the relay's cost of one more follower, and viewer_node's of one more client
   const double per_follower = (shared.relay_percent - alone.relay_percent) / (kFollowers - 1);
+  const auto tenth = clients / 10;
   const double per_client =
-      (all.viewer_percent - alone.viewer_percent) / static_cast<double>(clients - clients / 10);
+      (all.viewer_percent - alone.viewer_percent) / static_cast<double>(clients - tenth);
   const double per_core = kFullCore_percent / per_client;
   const double bits_per_s = 8.0 * all.bytes_per_s / static_cast<double>(clients);
   std::printf(

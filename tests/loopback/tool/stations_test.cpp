@@ -45,15 +45,20 @@ TEST(Stations, AreOneTable) {
   WebServer lying({.port = 0}, {});
   lying.set_task(R"({"task": {"phase": 3, "elapsed_s": "long", "marks": [], "findings": "many",
     "score": {"coverage_ratio": {}, "force": 7}}})");
+  WebServer odd({.port = 0}, {});
+  odd.set_task(
+      "{\"task\": {\"phase\": \"\xE2\x80\xAE"
+      "dedne\", \"elapsed_s\": 1e99, \"marks\": -1e300}}");
   std::string gone;
   {
     const WebServer short_lived({.port = 0}, {});
     gone = address_of("gone", short_lived);
   }
-  const Outcome outcome = run_program(
-      "palpate", {"stations", "--once", address_of("anna", anna, "sixteen-letters-1"),
-                  address_of("ben", ben), address_of("carl", carl), address_of("dora", anna),
-                  address_of("emil", strange), address_of("fred", lying), gone});
+  const Outcome outcome =
+      run_program("palpate", {"stations", "--once", address_of("anna", anna, "sixteen-letters-1"),
+                              address_of("ben", ben), address_of("carl", carl),
+                              address_of("dora", anna), address_of("emil", strange),
+                              address_of("fred", lying), address_of("gina", odd), gone});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_THAT(outcome.out, ContainsRegex("anna +ended +61 +2 +93 +2\\.12 +Found 1 of 1\\."));
   EXPECT_THAT(outcome.out, ContainsRegex("ben +running +12 +1 "));
@@ -61,6 +66,7 @@ TEST(Stations, AreOneTable) {
   EXPECT_THAT(outcome.out, ContainsRegex("dora +absent +needs its \\?token="));
   EXPECT_THAT(outcome.out, ContainsRegex("emil +absent +is no viewer_node"));
   EXPECT_THAT(outcome.out, ContainsRegex("\nfred *\n"));
+  EXPECT_THAT(outcome.out, ContainsRegex("\ngina +\\?dedne *\n"));
   EXPECT_THAT(outcome.out, ContainsRegex("gone +absent +cannot be reached"));
 
   const Outcome csv = run_program("palpate", {"stations", "--once", "--csv", "-",

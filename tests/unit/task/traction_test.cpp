@@ -188,8 +188,9 @@ TEST(TractionTask, ItsFiguresAreInJsonAndCsv) {
   EXPECT_EQ(json["tears"], 0);
   const std::string csv = table_csv({{"a", score}});
   EXPECT_THAT(csv, HasSubstr(",done,"));
-  EXPECT_THAT(csv, HasSubstr("held_after_s,reached_after_s,done_after_s,longest_s,within_ratio,"
-                             "retraction_m,tears,slips,slipped_out,force_held_p95_n\n"));
+  EXPECT_THAT(csv, HasSubstr("held_after_s,reached_after_s,done_after_s,torn_after_s,longest_s,"
+                             "within_ratio,retraction_m,grips,tears,slips,slipped_out,"
+                             "force_held_p95_n,unknown_grip_ticks\n"));
 }
 
 }  // namespace
