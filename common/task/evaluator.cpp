@@ -105,9 +105,11 @@ void TaskEvaluator::process_due(bool is_last) {
     return one.kind == Marker::Kind::kTaskStop;
   });
   while (!pending_.empty() && !has_ended()) {
+    const bool has_period = last_ || pending_.size() > 1;  // of who comes after the start
     const double waited_s = pending_.back().t_s - pending_.front().t_s;
     const bool has_surface = palpation() == nullptr || surface_ || waited_s > kSurfaceWait_s;
-    const bool is_due = is_last || (has_surface && (has_stop || std::abs(waited_s) > kLag_s));
+    const bool is_due =
+        is_last || (has_surface && ((has_stop && has_period) || std::abs(waited_s) > kLag_s));
     if (!is_due) return;
     process(pending_.front());
     if (!pending_.empty()) pending_.pop_front();
