@@ -141,12 +141,7 @@ void TaskEvaluator::process(const Sample& sample) {
     return;
   }
   if (task_.time_s && sample.t_s - begin_s_ >= *task_.time_s) {
-    score_.time_s = *task_.time_s;
-    const double period_s = period_from(sample);
-    if (score_.ticks == 0 && period_s > 0.0) {
-      // all of it was before the first tick that was received
-      score_.missing_ticks = static_cast<std::uint64_t>(std::llround(*task_.time_s / period_s));
-    }
+    set_time(*task_.time_s, period_from(sample));
     end(TaskScore::End::kTimeUp);
     return;
   }
@@ -207,9 +202,8 @@ void TaskEvaluator::apply_markers(const Sample& sample) {
       case Marker::Kind::kTaskStop:
         if (phase_ == TaskState::Phase::kRunning) {
           if (const std::uint64_t ago = ticks_since(marker, sample); score_.ticks == 0 && ago > 0) {
-            // all of it was before the first tick that was received
-            score_.missing_ticks -= std::min(score_.missing_ticks, ago - 1);
-            score_.time_s = static_cast<double>(score_.missing_ticks) * period_from(sample);
+            const double period_s = period_from(sample);
+            set_time(sample.t_s - static_cast<double>(ago - 1) * period_s - begin_s_, period_s);
           }
           end(TaskScore::End::kStopped);
           return;
@@ -241,6 +235,14 @@ void TaskEvaluator::begin(const Sample& first, std::uint64_t ticks_before) {
   score_.end = TaskScore::End::kRunning;
   begin_s_ = first.t_s - static_cast<double>(ticks_before) * period_from(first);
   score_.missing_ticks = ticks_before;
+}
+
+/// Of a task that ends: the ticks of one that was over before the first that was received are
+/// missing.
+void TaskEvaluator::set_time(double time_s, double period_s) {
+  score_.time_s = time_s;
+  if (score_.ticks > 0 || !(period_s > 0.0)) return;
+  score_.missing_ticks = static_cast<std::uint64_t>(std::llround(time_s / period_s));
 }
 
 void TaskEvaluator::end(TaskScore::End how) {

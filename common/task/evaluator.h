@@ -91,6 +91,7 @@ class TaskEvaluator {
   void process(const Sample& sample);
   void apply_markers(const Sample& sample);
   void begin(const Sample& first, std::uint64_t ticks_before);
+  void set_time(double time_s, double period_s);
   void end(TaskScore::End how);
   [[nodiscard]] std::uint64_t ticks_since(const Marker& marker, const Sample& sample) const;
   [[nodiscard]] double period_from(const Sample& first) const;

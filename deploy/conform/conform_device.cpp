@@ -70,9 +70,8 @@ constexpr double kMostUnguardedNewton = 1.0;
 constexpr double kMostTravel_m = 0.05;
 
 /// Thrown between two calls of the driver.
-struct StopRequested {};
-struct WentAway {
-  double travel_m;
+struct ChecksStopped {
+  std::string why{};  ///< behind "the checks were stopped"
 };
 
 /// Sees how far the arm is from where the checks began.
@@ -125,9 +124,13 @@ class StoppableBench final : public OpenedDevice {
         travel_(travel) {}
 
   void pass(Duration time) override {
-    if (stop_.stop_requested()) throw StopRequested();
+    if (stop_.stop_requested()) throw ChecksStopped();
     if (travel_ != nullptr && travel_->travel_m() > kMostTravel_m) {
-      throw WentAway{travel_->travel_m()};
+      throw ChecksStopped{fmt::format(
+          ": the arm is {:.0f} mm from where they began, pushed or moved by hand (a push ends "
+          "after 1 mm, and an arm with little friction coasts on): give a smaller "
+          "device.peak_force_newton, or pad its end stops",
+          1e3 * travel_->travel_m())};
     }
     OpenedDevice::pass(time);
   }
@@ -216,19 +219,12 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
     CheckOutcome outcome{CheckVerdict::kNotObservable,
                          "not tried: a small push along each axis must be seen first (motors)"};
     try {
-      if (options.start_up.stop.stop_requested()) throw StopRequested();
+      if (options.start_up.stop.stop_requested()) throw ChecksStopped();
       if (may_push) outcome = check.run(bench);
-    } catch (const StopRequested&) {
+    } catch (const ChecksStopped& stopped) {
       const bool is_released = release_for_certain(*device, clock);
-      throw std::runtime_error(std::string("the checks were stopped; ") +
+      throw std::runtime_error("the checks were stopped" + stopped.why + "; " +
                                (is_released ? "the motors were released" : kNotReleased));
-    } catch (const WentAway& away) {
-      const bool is_released = release_for_certain(*device, clock);
-      throw std::runtime_error(fmt::format(
-          "the checks were stopped: the arm is {:.0f} mm from where they began, pushed or moved by "
-          "hand (a push ends after 1 mm, and an arm with little friction coasts on); {}. Give a "
-          "smaller device.peak_force_newton, or pad its end stops",
-          1e3 * away.travel_m, is_released ? "the motors were released" : kNotReleased));
     }
     const bool is_good = outcome.verdict == CheckVerdict::kGood;
     const bool is_checked = outcome.verdict != CheckVerdict::kNotObservable;

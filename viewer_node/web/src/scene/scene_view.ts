@@ -20,8 +20,8 @@ const kPlumb_m = 0.0025; // a vertex so near to the plumb line is below the tool
 const kSoftwareTriangles = 40000; // of a tissue, drawn on the processor
 const kClear = 0.66; // opacity of outer tissue in front of inner tissue and of the tool
 
+const kBall = new SphereGeometry(1, 16, 12);
 /** Of places that were not searched, and of those that were: apart for every kind of sight. */
-const kLesion = new SphereGeometry(1, 16, 12);
 const kMapColours = [new Color("#d95f02"), new Color("#3a86c8")];
 
 interface Drawn {
@@ -59,7 +59,7 @@ export class SceneView {
   private others = tips(0, new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
   private readonly target: Mesh<SphereGeometry, MeshBasicMaterial>;
   private readonly tether: Line<BufferGeometry, LineDashedMaterial>;
-  private readonly goal = new Mesh(new SphereGeometry(1, 16, 12), goal_material()); // of a traction
+  private readonly goal = new Mesh(kBall, goal_material()); // of a traction
   private goal_key = "";
   private readonly map = new Points(new BufferGeometry(), map_material()); // what was searched
   private readonly lesions = new Group(); // after a search
@@ -269,7 +269,7 @@ export class SceneView {
     for (const ball of this.lesions.children as Mesh<SphereGeometry, MeshBasicMaterial>[]) ball.material.dispose();
     this.lesions.clear();
     for (const { centerM, radiusM, isFound } of map?.lesions ?? []) {
-      const ball = new Mesh(kLesion, goal_material()); // in tissue: seen through it
+      const ball = new Mesh(kBall, goal_material()); // in tissue: seen through it
       ball.material.wireframe = !isFound; // filled: told apart without colour
       ball.material.opacity = isFound ? 0.6 : 0.9;
       ball.material.color.copy(kMapColours[isFound ? 1 : 0]);
