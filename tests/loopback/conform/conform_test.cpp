@@ -115,22 +115,28 @@ TEST(ConformPhysics, NamesEachFault) {
       {"stop", "stop"},        {"whirl", "energy"},
       {"loop", "energy"},      {"slow", "rest"},
       {"rate", "rate"}};
-  const test::QuietMachine machine;
-  std::map<std::string, std::unique_ptr<Conform>> runs;
-  for (const auto& [fault, check] : check_of) {
-    runs[fault] = std::make_unique<Conform>(std::vector<std::string>{
-        "physics", "--", bin("wrong_physics"), fault, "--session", "{session}"});
-  }
-  for (auto& [fault, run] : runs) {
-    const Report report = run->report();
+  const auto begin = [](const std::string& fault) {
+    return std::make_unique<Conform>(std::vector<std::string>{"physics", "--", bin("wrong_physics"),
+                                                              fault, "--session", "{session}"});
+  };
+  const auto is_named = [&](const std::string& fault, const Report& report) {
     const auto found = report.is_good.find(check_of.at(fault));
-    // so many suites at once leave little to each: one that cannot start checks no more, and a
-    // motion that was seldom computed shows no fault
-    const bool is_named = found != report.is_good.end() && !found->second;
-    if (!is_named && !machine.may_check(fault)) continue;
-    EXPECT_EQ(report.status, 1) << fault << "\n" << report.text << run->err();
-    ASSERT_NE(found, report.is_good.end()) << fault << "\n" << report.text << run->err();
-    EXPECT_FALSE(found->second) << fault << "\n" << report.text;
+    return report.status == 1 && found != report.is_good.end() && !found->second;
+  };
+  std::map<std::string, std::unique_ptr<Conform>> runs;
+  for (const auto& [fault, check] : check_of) runs[fault] = begin(fault);
+  std::vector<std::string> again;
+  for (auto& [fault, run] : runs) {
+    if (!is_named(fault, run->report())) again.push_back(fault);
+  }
+  // so many suites at once leave little to each: one that cannot start checks no more, and a
+  // motion that was seldom computed shows no fault; these have the machine to themselves
+  for (const std::string& fault : again) {
+    const test::QuietMachine machine;
+    const std::unique_ptr<Conform> run = begin(fault);
+    const Report report = run->report();
+    if (is_named(fault, report) || !machine.may_check(fault)) continue;
+    ADD_FAILURE() << fault << "\n" << report.text << run->err();
   }
 }
 
