@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -13,6 +14,7 @@
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/session_warnings.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
+#include "physics_node/elastic_tissue/jaw.h"
 
 namespace palpate {
 namespace {
@@ -52,6 +54,31 @@ std::vector<std::string> material_lines(const ElasticMaterial& material) {
   return lines;
 }
 
+/// What the jaws take of an elastic tissue; a warning too, if that is nothing in places.
+std::string gripper_line(const physics::ElasticBody& body, const Session& session,
+                         std::vector<std::string>& warnings) {
+  const GripperConfig& gripper = *session.scene.gripper;
+  const std::vector<std::size_t> points =
+      physics::points_in_reach(body, gripper, session.scene.tip_radius_m);
+  if (points.empty()) return "gripper: there is no surface";
+  const auto none = static_cast<double>(std::count(points.begin(), points.end(), 0U));
+  char text[240];  // NOLINT: for snprintf
+  if (none > 0.0) {
+    std::snprintf(text, sizeof text,
+                  "tissue \"%s\": the gripper takes nothing at %.2g %% of the surface: make "
+                  "scene.tool.gripper.reach_m (%.3g m) longer, or the mesh finer",
+                  session.scene.tissues[body.tissue].name.c_str(),
+                  100.0 * none / static_cast<double>(points.size()), gripper.reach_m);
+    warnings.emplace_back(text);
+  }
+  std::snprintf(text, sizeof text,
+                "gripper: takes %zu to %zu points of the surface where a tip lies on it, median "
+                "%zu; slips above %.3g N, tears above %.3g N",
+                points.front(), points.back(), points[points.size() / 2], gripper.slip_newton(),
+                gripper.tear_newton);
+  return text;
+}
+
 int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
   const Session session = options.load(verbosity);
   std::vector<std::string> reports;  // of elastic bodies
@@ -68,6 +95,9 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
       }
       for (const std::string& line : material_lines(std::get<ElasticMaterial>(tissue.material))) {
         reports.push_back("  " + line);
+      }
+      if (session.scene.gripper) {
+        reports.push_back("  " + gripper_line(*body, session, warnings));
       }
     }
   } catch (const SetupError& error) {

@@ -37,10 +37,6 @@ constexpr int kHastySolves = 4;
 // and most of the way between them was along the normal.
 constexpr double kOtherForce = 0.05;
 constexpr double kAlongNormal = 0.7;
-// A motion since the last full solution that is too short to tell an error per metre.
-constexpr double kShortWay_m = 2e-5;
-// The measured error is forgotten by this factor per solution in contact.
-constexpr double kErrorMemory = 0.95;
 // A step of the tool of no length counts as one of this length.
 constexpr double kLeastStep_s = 1e-4;
 // A solution is used from the next one on until the one after.
@@ -216,8 +212,7 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
     // in doubt there is no force
     own.stiffness_newton_per_m = 0.0;
     if (force.allFinite()) {
-      own.bound_newton = prepared->error_newton +
-                         prepared->error_newton_per_m * (tip_m - prepared->centre_m).norm();
+      own.bound_newton = prepared->error.bound_newton((tip_m - prepared->centre_m).norm());
       own.normal = contact_normal(force, view.normal);
       const double newton = std::max(0.0, force.dot(own.normal));
       if (penetration_m < kLeastDepth_m) {
@@ -321,32 +316,30 @@ void ElasticTissue::solve(double step_s) {
   if (is_folded_) fold();
 }
 
-/// Compares the full solution with what the model prepared before it says for the same place, and
-/// with the bound of its error there.
+/// Of a full solution, with the bound that was stated for it.
+void ElasticTissue::compare(elastic::StatedError& stated, double error_newton, double way_m) {
+  figures_.error_newton = error_newton;
+  const double bound_newton = stated.bound_newton(way_m);
+  if (!std::isnan(bound_newton)) {
+    ++figures_.bounds_checked;
+    figures_.bound_violations += error_newton > bound_newton ? 1U : 0U;
+  }
+  stated.note(error_newton, way_m);
+}
+
+/// Compares the full solution with what the model prepared before it says for the same place.
 void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s) {
   const double newton = touch.force_on_tool_newton.norm();
   const double way_m = (touch.centre_m - tool.last_centre_m).norm();
   if (!touch.is_near) {
-    tool.error_newton = kUnknownNewton;
-    tool.error_newton_per_m = 0.0;
+    tool.error = {};
   }
   if (!touch.is_near || !tool.last || !(newton > 0.0) || way_m > tip_radius_m_) return;
   const Vector3 expected =
       tool.last->step(touch.centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m, step_s)
           .force_on_sphere_newton +
       tool.last_force_outside_patch_newton;
-  const double error_newton = (expected - touch.force_on_tool_newton).norm();
-  figures_.error_newton = error_newton;
-  const double bound_newton = tool.error_newton + tool.error_newton_per_m * way_m;
-  if (!std::isnan(bound_newton)) {
-    ++figures_.bounds_checked;
-    figures_.bound_violations += error_newton > bound_newton ? 1U : 0U;
-  }
-  tool.error_newton = std::fmax(error_newton, kErrorMemory * tool.error_newton);
-  tool.error_newton_per_m *= kErrorMemory;
-  if (way_m > kShortWay_m) {
-    tool.error_newton_per_m = std::max(tool.error_newton_per_m, error_newton / way_m);
-  }
+  compare(tool.error, (expected - touch.force_on_tool_newton).norm(), way_m);
 }
 
 void ElasticTissue::prepare(std::size_t index, double step_s) {
@@ -388,8 +381,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   }
   draft.centre_m = touch.centre_m;
   draft.time_s = tool.slow_time_s;
-  draft.error_newton_per_m = tool.error_newton_per_m;
-  draft.error_newton = tool.error_newton;
+  draft.error = tool.error;
   if (is_folded_) draft.contact->fold();
   draft.probe.emplace(*draft.contact);
   tool.last.emplace(*draft.contact);

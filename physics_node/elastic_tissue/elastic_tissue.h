@@ -21,6 +21,7 @@
 #include "common/core/messages.h"
 #include "common/core/snapshot.h"
 #include "physics_node/elastic/condensed/condensed_contact.h"
+#include "physics_node/elastic/condensed/stated_error.h"
 #include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
@@ -169,9 +170,8 @@ class ElasticTissue {
     Vector3 force_outside_patch_newton =
         Vector3::Zero();  // on the tool, from points that are not among these
     double surface_offset_by_other_tools_m =
-        0.0;                               // of the surface by other tools, along its normal
-    double error_newton_per_m = 0.0;       // of the force, by the way from that centre
-    double error_newton = kUnknownNewton;  // at that centre
+        0.0;                     // of the surface by other tools, along its normal
+    elastic::StatedError error;  // of the force, by the way from that centre
   };
   struct Tool {
     Snapshot<Tip> tip;
@@ -221,8 +221,7 @@ class ElasticTissue {
     std::optional<elastic::CondensedContact> last;
     Vector3 last_centre_m = Vector3::Zero();
     Vector3 last_force_outside_patch_newton = Vector3::Zero();
-    double error_newton_per_m = 0.0;
-    double error_newton = kUnknownNewton;
+    elastic::StatedError error;
   };
 
   [[nodiscard]] bool is_among(const Prepared& prepared, const Vector3& tip_m,
@@ -233,9 +232,11 @@ class ElasticTissue {
   [[nodiscard]] bool is_hasty(const Tool& tool) const;
   void add_equilibria(Tool& tool, const ElasticSimulation::Touch& touch,
                       elastic::CondensedContact& contact);
+  void compare(elastic::StatedError& stated, double error_newton, double way_m);
   void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
   void prepare(std::size_t tool, double step_s);
   [[nodiscard]] std::optional<bool> hold(Tool& own, Contact& contact) const noexcept;
+  [[nodiscard]] Vector3 pulled_by_others_newton(const GripModel& model) const noexcept;
   void close_jaws();
   void read_jaws(double step_s);
   void describe_patch(std::size_t tool, bool has_stepped);

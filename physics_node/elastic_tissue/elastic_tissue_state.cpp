@@ -44,16 +44,31 @@ std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexc
   const GripModel* const model = own.grip.newest();
   own.is_holding = false;
   if (model == nullptr || !model->is_holding()) return std::nullopt;
+  const Vector3 by_others_newton = pulled_by_others_newton(*model);
   if (!own.is_jaw_led) {
-    static_cast<void>(own.jaw.act(*model, *gripper_, own.tip_m, own.jaw_m_per_s));
+    static_cast<void>(
+        own.jaw.act(*model, *gripper_, own.tip_m, own.jaw_m_per_s, 0.0, by_others_newton));
     own.jaw_command.store(own.jaw.command());
   }
   if (!own.jaw.holds(*model)) return false;
   own.is_holding = true;
-  own.bound_newton = kUnknownNewton;
-  contact = grip_contact(*model, *gripper_, body_->tissue, own.tip_m - own.jaw.slip_m(),
-                         own.jaw_m_per_s, own.jaw.slip_m());
+  const Vector3 at_m = own.tip_m - own.jaw.slip_m();
+  own.bound_newton = model->error.bound_newton((at_m - model->place_m).norm());
+  contact = grip_contact(*model, *gripper_, body_->tissue, at_m, own.jaw_m_per_s, own.jaw.slip_m(),
+                         by_others_newton);
   return contact.force_on_tool_newton.allFinite();
+}
+
+/// Force on the tool of `model` by what the others have moved since the solution, while they hold.
+Vector3 ElasticTissue::pulled_by_others_newton(const GripModel& model) const noexcept {
+  Vector3 newton = Vector3::Zero();
+  for (const GripModel::Other& one : model.others) {
+    const Tool& other = *tools_[one.tool];
+    if (!other.is_holding || other.jaw.number() != one.number) continue;
+    newton +=
+        one.pull_newton(other.tip_m - other.jaw.slip_m(), other.jaw_m_per_s, model.relaxation_s);
+  }
+  return newton;
 }
 
 void ElasticTissue::close_jaws() {
@@ -74,6 +89,15 @@ void ElasticTissue::read_jaws(double step_s) {
       tool.held.read(simulation_, i, compliance_, step_s, changes, is_alone(i));
     } catch (const std::runtime_error&) {  // it has let go
       ++without_compliance_;
+    }
+  }
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    Tool& tool = *tools_[i];
+    for (std::size_t j = 0; j < tools_.size(); ++j) {
+      if (j != i) tool.held.note_other(j, tools_[j]->held.model());
+    }
+    if (const auto& measured = tool.held.measured()) {
+      compare(tool.held.error(), measured->error_newton, measured->way_m);
     }
     figures_.points_held += tool.held.model().points;
     tool.grip.draft() = tool.held.model();

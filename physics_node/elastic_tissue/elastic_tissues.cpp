@@ -106,7 +106,7 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
       continue;
     }
     add_contact(contact, sum);
-    if (!(contact.penetration_m > 0.0) || contact.grip.number != 0) continue;  // no bound is stated
+    if (!(contact.penetration_m > 0.0)) continue;
     is_in_contact = true;
     bound_newton += tissue->bound_newton(tool);
   }

@@ -2,6 +2,7 @@
 #include "physics_node/elastic_tissue/jaw.h"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 
 #include "common/contact/elastic/grip.h"
@@ -20,26 +21,47 @@ constexpr double kLongestRelaxation = 50.0;  // of the viscosity of the body
 }  // namespace
 
 Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::uint32_t tissue,
-                     const Vector3& at_m, const Vector3& v_m_per_s,
-                     const Vector3& slip_m) noexcept {
+                     const Vector3& at_m, const Vector3& v_m_per_s, const Vector3& slip_m,
+                     const Vector3& by_others_newton) noexcept {
   const Matrix3& K = model.stiffness_newton_per_m;
-  Contact contact{.tissue = tissue,
-                  .penetration_m = kHeldPenetration_m,
-                  .elastic_force_on_tool_newton = model.force_at(at_m, Vector3::Zero()),
-                  .d_force_d_position = -K,
-                  .d_force_d_velocity = -model.relaxation_s * K,
-                  .is_adhesive = true,
-                  .trust_radius_m = kHeldTrust_m,
-                  .grip = {.number = model.number,
-                           .buttons = 1U << gripper.button,
-                           .slip_newton = gripper.slip_newton(),
-                           .tear_newton = gripper.tear_newton,
-                           .reach_m = gripper.reach_m,
-                           .slip_m = slip_m}};
-  contact.force_on_tool_newton = model.force_at(at_m, v_m_per_s);
-  contact.stored_energy_joule = stored_joule_after(at_m - model.place_m, model.stored_energy_joule,
-                                                   model.elastic_force_on_tool_newton, K);
+  Contact contact{
+      .tissue = tissue,
+      .penetration_m = kHeldPenetration_m,
+      .elastic_force_on_tool_newton = model.force_at(at_m, Vector3::Zero(), by_others_newton),
+      .d_force_d_position = -K,
+      .d_force_d_velocity = -model.relaxation_s * K,
+      .is_adhesive = true,
+      .trust_radius_m = kHeldTrust_m,
+      .grip = {.number = model.number,
+               .buttons = 1U << gripper.button,
+               .slip_newton = gripper.slip_newton(),
+               .tear_newton = gripper.tear_newton,
+               .reach_m = gripper.reach_m,
+               .slip_m = slip_m}};
+  contact.force_on_tool_newton = model.force_at(at_m, v_m_per_s, by_others_newton);
+  contact.stored_energy_joule =
+      stored_joule_after(at_m - model.place_m, model.stored_energy_joule,
+                         model.elastic_force_on_tool_newton + by_others_newton, K);
   return contact;
+}
+
+std::vector<std::size_t> points_in_reach(const ElasticBody& body, const GripperConfig& gripper,
+                                         double tip_radius_m) {
+  constexpr std::size_t kPlaces = 2000;
+  const std::vector<std::array<std::uint32_t, 3>> triangles = triangles_of(body);
+  const auto node = [&](std::uint32_t i) -> Vector3 { return body.start_m.segment<3>(3 * i); };
+  std::vector<std::size_t> counts;
+  for (std::size_t i = 0; i < triangles.size(); i += 1 + triangles.size() / kPlaces) {
+    const auto& [a, b, c] = triangles[i];
+    const Vector3 normal = (node(b) - node(a)).cross(node(c) - node(a)).normalized();
+    elastic::HeldPoints held;
+    held.take(body.points, body.start_m.data(),
+              (node(a) + node(b) + node(c)) / 3.0 + tip_radius_m * normal, gripper.reach_m,
+              gripper.most_points, gripper.stiffness_newton_per_m);
+    counts.push_back(held.size());
+  }
+  std::sort(counts.begin(), counts.end());
+  return counts;
 }
 
 void Jaw::let_go(ElasticSimulation& simulation, std::size_t tool) {
@@ -79,9 +101,23 @@ void Jaw::watch_losses(const Seen& now, double beta_s, double step_s) {
   model_.relaxation_s = beta_s * std::clamp(lost_joule_ / expected_joule_, 1.0, kLongestRelaxation);
 }
 
+Jaw::Measured Jaw::measure(const ElasticSimulation& simulation, const Seen& now,
+                           double step_s) const {
+  Vector3 by_others_newton = Vector3::Zero();
+  for (const GripModel::Other& other : model_.others) {
+    const Vector3& at_m = simulation.held()[other.tool].place_m();
+    by_others_newton +=
+        other.pull_newton(at_m, (at_m - other.place_m) / step_s, model_.relaxation_s);
+  }
+  const Vector3 expected = model_.force_at(now.place_m, now.velocity_m_per_s, by_others_newton);
+  return {.error_newton = (expected - now.force_on_tool_newton).norm(),
+          .way_m = (now.place_m - model_.place_m).norm()};
+}
+
 void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
                elastic::SurfaceCompliance& compliance, double step_s, std::uint64_t changes,
                bool is_alone) {
+  measured_.reset();
   if (!model_.is_holding()) return;
   const elastic::HeldPoints& held = simulation.held()[tool];
   Matrix3& K = model_.stiffness_newton_per_m;
@@ -93,13 +129,16 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
                  .kinetic_joule = simulation.report().kinetic_joule};
   const bool is_still = now.velocity_m_per_s.norm() <= kStill_m_per_s;
   bool is_explained = !is_alone || is_still;
+  if (known_ == changes) measured_ = measure(simulation, now, step_s);
+  model_.others.clear();
   if (known_ != changes) {
     try {
-      K = elastic::grip_stiffness_newton_per_m(compliance, held, simulation.held());
+      stiffness_with_ = elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool);
     } catch (const std::runtime_error&) {
       let_go(simulation, tool);
       throw;
     }
+    K = stiffness_with_[tool];
     known_ = changes;
     model_.relaxation_s = beta_s;
     is_explained = true;
@@ -122,6 +161,15 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
   if (!now.force_on_tool_newton.allFinite() || !K.allFinite()) let_go(simulation, tool);
 }
 
+void Jaw::note_other(std::size_t tool, const GripModel& other) {
+  if (!model_.is_holding() || !other.is_holding()) return;
+  model_.others.push_back({.tool = tool,
+                           .number = other.number,
+                           .stiffness_newton_per_m = stiffness_with_[tool],
+                           .place_m = other.place_m,
+                           .velocity_m_per_s = other.velocity_m_per_s});
+}
+
 void SlippingJaw::set(std::uint32_t closing) noexcept {
   is_closed_ = closing != 0;
   if (!is_closed_ || closing == number_) return;
@@ -131,10 +179,11 @@ void SlippingJaw::set(std::uint32_t closing) noexcept {
 }
 
 Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper, const Vector3& tip_m,
-                         const Vector3& v_m_per_s, double viscous_ratio) noexcept {
+                         const Vector3& v_m_per_s, double viscous_ratio,
+                         const Vector3& by_others_newton) noexcept {
   if (!holds(model)) return Vector3::Zero();
   const GripSlip slip =
-      slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s),
+      slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s, by_others_newton),
                    (1.0 + viscous_ratio) * model.stiffness_newton_per_m, gripper.slip_newton());
   slip_m_ += slip.slip_m;
   is_lost_ = slip.force_on_tool_newton.norm() > gripper.tear_newton ||

@@ -6,10 +6,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "common/core/messages.h"
 #include "common/session/scene_config.h"
+#include "physics_node/elastic/condensed/stated_error.h"
 #include "physics_node/elastic/grip/held_points.h"
+#include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 
 namespace palpate::physics {
@@ -39,8 +42,23 @@ struct JawCommand {
 ///   F = f₀ − K (a − a₀) − τ K v   a the place of the tool less its slip, v its velocity
 ///
 /// as a viscous body balances K x + β K ẋ; τ is more than its β where the tissue at the jaws is
-/// stretched far.
+/// stretched far. What other tools hold of the body moves it too.
 struct GripModel {
+  /// What another tool holds in the solution: the force on this one falls with
+  /// Kᵢⱼ (aⱼ − aⱼ₀ + τ (vⱼ − vⱼ₀)).
+  struct Other {
+    std::size_t tool = 0;
+    std::uint32_t number = 0;  ///< of its closing
+    Matrix3 stiffness_newton_per_m = Matrix3::Zero();
+    Vector3 place_m = Vector3::Zero();
+    Vector3 velocity_m_per_s = Vector3::Zero();
+
+    [[nodiscard]] Vector3 pull_newton(const Vector3& at_m, const Vector3& v_m_per_s,
+                                      double relaxation_s) const noexcept {
+      return -stiffness_newton_per_m *
+             (at_m - place_m + relaxation_s * (v_m_per_s - velocity_m_per_s));
+    }
+  };
   std::uint32_t number = 0;                    ///< of the closing
   std::uint32_t points = 0;                    ///< 0: they hold nothing
   Vector3 place_m = Vector3::Zero();           ///< of the tool in the solution, less its slip
@@ -49,19 +67,31 @@ struct GripModel {
   Matrix3 stiffness_newton_per_m = Matrix3::Identity();
   double relaxation_s = 0.0;         ///< τ
   double stored_energy_joule = 0.0;  ///< in the body, since they closed
+  std::vector<Other> others;
+  elastic::StatedError error;  ///< by the way from `place_m`
 
   [[nodiscard]] bool is_holding() const noexcept { return points > 0; }
-  [[nodiscard]] Vector3 force_at(const Vector3& at_m, const Vector3& v_m_per_s) const noexcept {
-    return elastic_force_on_tool_newton -
+  /// @param by_others_newton  what the others have added since the solution
+  [[nodiscard]] Vector3 force_at(const Vector3& at_m, const Vector3& v_m_per_s,
+                                 const Vector3& by_others_newton) const noexcept {
+    return elastic_force_on_tool_newton + by_others_newton -
            stiffness_newton_per_m * (at_m - place_m + relaxation_s * v_m_per_s);
   }
 };
 
 /// The contact of hop 3. No allocation.
-/// @param at_m  the tool, less its slip
+/// @param at_m              the tool, less its slip
+/// @param by_others_newton  what other tools have added since the solution
 [[nodiscard]] Contact grip_contact(const GripModel& model, const GripperConfig& gripper,
                                    std::uint32_t tissue, const Vector3& at_m,
-                                   const Vector3& v_m_per_s, const Vector3& slip_m) noexcept;
+                                   const Vector3& v_m_per_s, const Vector3& slip_m,
+                                   const Vector3& by_others_newton = Vector3::Zero()) noexcept;
+
+/// How many points of the untouched surface the jaws take, where a tip lies on it: at up to some
+/// 2,000 places, sorted.
+[[nodiscard]] std::vector<std::size_t> points_in_reach(const ElasticBody& body,
+                                                       const GripperConfig& gripper,
+                                                       double tip_radius_m);
 
 /// Takes hold, follows and lets go in full solutions. One thread; allocates.
 class Jaw {
@@ -69,14 +99,25 @@ class Jaw {
   /// Before a step of the body.
   void prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
                const JawCommand& command, const std::optional<TipState>& tip);
-  /// After it. Makes the stiffness, where the grips of the body are others than before.
+  /// After it, and after all tools have been prepared. Makes the stiffness, where the grips of the
+  /// body are others than before.
   /// @param step_s    of the step
   /// @param changes   of the grips of the body so far
   /// @param is_alone  no other tool acts on the body
   /// @throws std::runtime_error  it cannot be made; the jaws have let go
   void read(ElasticSimulation& simulation, std::size_t tool, elastic::SurfaceCompliance& compliance,
             double step_s, std::uint64_t changes, bool is_alone);
+  /// After read() of all jaws of the body: what the others hold.
+  void note_other(std::size_t tool, const GripModel& other);
   [[nodiscard]] const GripModel& model() const noexcept { return model_; }
+  /// How far the last solution was from what the model before it says for the same places.
+  struct Measured {
+    double error_newton = 0.0;
+    double way_m = 0.0;
+  };
+  /// None: it held nothing then, or the grips of the body have changed.
+  [[nodiscard]] const std::optional<Measured>& measured() const noexcept { return measured_; }
+  [[nodiscard]] elastic::StatedError& error() noexcept { return model_.error; }
   /// Closings and openings that changed what is held.
   [[nodiscard]] std::uint64_t changes() const noexcept { return changes_; }
 
@@ -95,9 +136,13 @@ class Jaw {
     }
   };
   void let_go(ElasticSimulation& simulation, std::size_t tool);
+  [[nodiscard]] Measured measure(const ElasticSimulation& simulation, const Seen& now,
+                                 double step_s) const;
   void watch_losses(const Seen& now, double beta_s, double step_s);
 
   GripModel model_;
+  std::vector<Matrix3> stiffness_with_;  // of each tool of the body, at rest
+  std::optional<Measured> measured_;
   double closed_joule_ = 0.0;  // in the body, when they closed
   Seen last_;                  // the solution before
   Seen explained_;             // one that K has been made for, or in which the tool stood still
@@ -115,14 +160,18 @@ class SlippingJaw {
   /// @param closing  number of the closing; 0: they are open
   void set(std::uint32_t closing) noexcept;
   /// The force on the tool there, after it has slipped, if the model is of this closing.
-  /// @param viscous_ratio  β over the length of a step, where a slip counts for the velocity, too
+  /// @param viscous_ratio     β over the length of a step, where a slip counts for the velocity,
+  /// too
+  /// @param by_others_newton  what other tools have added since the solution
   [[nodiscard]] Vector3 act(const GripModel& model, const GripperConfig& gripper,
                             const Vector3& tip_m, const Vector3& v_m_per_s,
-                            double viscous_ratio = 0.0) noexcept;
+                            double viscous_ratio = 0.0,
+                            const Vector3& by_others_newton = Vector3::Zero()) noexcept;
   /// Somebody else decides.
   void follow(const Vector3& slip_m, bool has_let_go) noexcept;
   [[nodiscard]] JawCommand command() const noexcept;
   [[nodiscard]] const Vector3& slip_m() const noexcept { return slip_m_; }
+  [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
   /// Closed around what they took.
   [[nodiscard]] bool holds(const GripModel& model) const noexcept {
     return is_closed_ && !is_lost_ && model.is_holding() && model.number == number_;

@@ -742,6 +742,18 @@ TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {
   EXPECT_FALSE(csv_of({"--set", "seed=2"}) == first) << "another seed gave the same run";
 }
 
+TEST_F(Processes, SceneCheckTellsWhatAGripperTakes) {
+  const std::string retract = PALPATE_SOURCE_DIR "/deploy/sessions/retract.txtpb";
+  const Outcome good = run_program("palpate", {"scene", "check", "-q", retract});
+  EXPECT_EQ(good.status, 0) << good.err;
+  EXPECT_THAT(good.out, HasSubstr("  gripper: takes "));
+  EXPECT_THAT(good.err, Not(HasSubstr("gripper")));
+  const Outcome narrow = run_program("palpate", {"scene", "check", "-q", retract, "--set",
+                                                 "scene.tool.gripper.reach_m=0.00601"});
+  EXPECT_EQ(narrow.status, 0) << narrow.err;
+  EXPECT_THAT(narrow.err, HasSubstr("the gripper takes nothing at "));
+}
+
 TEST_F(Processes, SceneCheckPrintsWhatASessionContains) {
   const Outcome check = run_program("palpate", {"scene", "check", kDefault});
 

@@ -56,7 +56,10 @@ pb::TextFormat::Parser make_parser(ParserMessages& messages) {
 }
 
 /// The field that the user may have meant, of the message or of one inside it; else all fields.
-std::string suggestion(const pb::Descriptor& message, std::string_view name) {
+/// @param path  of the message, written before the field; "" for a name that stands inside it
+std::string suggestion(const pb::Descriptor& message, std::string_view name,
+                       const std::string& path = {}) {
+  const std::string before = path.empty() ? "" : path + ".";
   std::string all;
   std::string inside;
   std::vector<std::string> fields;
@@ -66,12 +69,13 @@ std::string suggestion(const pb::Descriptor& message, std::string_view name) {
     all += (all.empty() ? "" : ", ") + fields.back();
     const bool is_one_message = field.message_type() != nullptr && !field.is_repeated();
     if (is_one_message && field.message_type()->FindFieldByName(std::string(name)) != nullptr) {
-      inside += (inside.empty() ? "'" : " or '") + field.name() + "." + std::string(name) + "'";
+      inside +=
+          (inside.empty() ? "'" : " or '") + before + field.name() + "." + std::string(name) + "'";
     }
   }
   if (!inside.empty()) return "did you mean " + inside + "?";
   const std::string meant = nearest(name, fields);
-  return meant.empty() ? "it has " + all : "did you mean '" + meant + "'?";
+  return meant.empty() ? "it has " + all : "did you mean '" + before + meant + "'?";
 }
 
 /// "none or mofc", and the one that the user may have meant.
@@ -377,7 +381,8 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
     const pb::Descriptor& type = *message->GetDescriptor();
     field = type.FindFieldByName(name);
     if (field == nullptr) {
-      return one_line(child_path(walked, name, -1)) + ": no such field; " + suggestion(type, name);
+      return one_line(child_path(walked, name, -1)) + ": no such field; " +
+             suggestion(type, name, walked);
     }
     parent = walked;
     walked = child_path(parent, name, index);

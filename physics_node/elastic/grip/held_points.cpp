@@ -80,43 +80,46 @@ void HeldPoints::add_stiffness(const BlockPattern& pattern, BlockValues& values)
   }
 }
 
-Eigen::Matrix3d grip_stiffness_newton_per_m(SurfaceCompliance& compliance, const HeldPoints& own,
-                                            std::span<const HeldPoints> others) {
+std::vector<Eigen::Matrix3d> grip_stiffness_newton_per_m(SurfaceCompliance& compliance,
+                                                         std::span<const HeldPoints> tools,
+                                                         std::size_t own) {
   struct Row {
     const SurfacePoint* point;
     double give_m_per_newton;
+    std::size_t tool;
   };
   std::vector<Row> rows;
-  const auto add = [&](const HeldPoints& one) {
-    for (const HeldPoints::Held& held : one.held()) {
-      rows.push_back({.point = &held.point, .give_m_per_newton = 1.0 / one.newton_per_m()});
-    }
-  };
-  add(own);
-  for (const HeldPoints& other : others) {
-    if (&other != &own) add(other);
-  }
   std::vector<std::uint32_t> nodes;
-  for (const Row& row : rows) row.point->add_nodes_to(nodes);
+  for (std::size_t tool = 0; tool < tools.size(); ++tool) {
+    for (const HeldPoints::Held& held : tools[tool].held()) {
+      rows.push_back({.point = &held.point,
+                      .give_m_per_newton = 1.0 / tools[tool].newton_per_m(),
+                      .tool = tool});
+      held.point.add_nodes_to(nodes);
+    }
+  }
   const SurfaceCompliance::Required columns = compliance.require(nodes);
 
-  const auto size = static_cast<Eigen::Index>(3 * rows.size());
+  const auto first_of = [](std::size_t row) { return static_cast<Eigen::Index>(3 * row); };
+  const Eigen::Index size = first_of(rows.size());
   Eigen::MatrixXd give = Eigen::MatrixXd::Zero(size, size);
+  Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(size, 3);  // a way of the tool, of its own points
   for (std::size_t j = 0; j < rows.size(); ++j) {
-    const SurfacePoint& under = *rows[j].point;
+    if (rows[j].tool == own) moved.block<3, 3>(first_of(j), 0).setIdentity();
     for (std::size_t i = 0; i <= j; ++i) {
-      Eigen::Matrix3d block = compliance.give(*rows[i].point, under, columns);
+      Eigen::Matrix3d block = compliance.give(*rows[i].point, *rows[j].point, columns);
       if (i == j) block.diagonal().array() += rows[i].give_m_per_newton;
-      give.block<3, 3>(static_cast<Eigen::Index>(3 * i), static_cast<Eigen::Index>(3 * j)) = block;
+      give.block<3, 3>(first_of(i), first_of(j)) = block;
     }
   }
-  Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(size, 3);  // a way of the tool, of its own points
-  for (std::size_t i = 0; i < own.size(); ++i) {
-    moved.block<3, 3>(static_cast<Eigen::Index>(3 * i), 0).setIdentity();
-  }
+  // on the points, for that way
   const Eigen::MatrixXd forces = give.selfadjointView<Eigen::Upper>().llt().solve(moved);
-  const Eigen::Matrix3d stiffness = moved.transpose() * forces;
-  return 0.5 * (stiffness + stiffness.transpose());
+  std::vector<Eigen::Matrix3d> stiffness(tools.size(), Eigen::Matrix3d::Zero());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    stiffness[rows[i].tool] += forces.block<3, 3>(first_of(i), 0).transpose();
+  }
+  stiffness[own] = 0.5 * (stiffness[own] + stiffness[own].transpose()).eval();
+  return stiffness;
 }
 
 Eigen::Matrix3d updated_stiffness(const Eigen::Matrix3d& stiffness, const Vector3d& way_m,

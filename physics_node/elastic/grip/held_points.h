@@ -57,14 +57,14 @@ class HeldPoints {
   double newton_per_m_ = 0.0;
 };
 
-/// How the force on a tool falls with its way where `own` ties it to the body, while the others
-/// hold theirs at rest: Jᵀ (C + 1/k)⁻¹ J with the compliance C of all held points at rest.
-/// Symmetric, positive definite unless a number overflows. On the slow thread: a Cholesky of three
-/// rows a point. Makes the columns that it needs.
+/// How the force on one of the tools that hold a body falls with the way of each: of tool i with
+/// that of tool j, Jᵢᵀ (C + 1/k)⁻¹ Jⱼ with the compliance C of all held points at rest. Its own is
+/// symmetric, and positive definite unless a number overflows; of a tool that holds nothing it is
+/// 0. On the slow thread: a Cholesky of three rows a point. Makes the columns that it needs.
+/// @param tools  all of the body   @param own  the index of the one
 /// @throws std::runtime_error  as SurfaceCompliance::require
-[[nodiscard]] Eigen::Matrix3d grip_stiffness_newton_per_m(SurfaceCompliance& compliance,
-                                                          const HeldPoints& own,
-                                                          std::span<const HeldPoints> others);
+[[nodiscard]] std::vector<Eigen::Matrix3d> grip_stiffness_newton_per_m(
+    SurfaceCompliance& compliance, std::span<const HeldPoints> tools, std::size_t own);
 
 /// On a shorter way the creep of the body hides what the way changed.
 inline constexpr double kShortestWay_m = 3e-4;

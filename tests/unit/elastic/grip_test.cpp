@@ -48,6 +48,12 @@ struct Pull {
   elastic::SurfaceCompliance compliance{body, rest, nodes_of(points)};
 };
 
+/// Of the first tool.
+Matrix3 own_stiffness(elastic::SurfaceCompliance& compliance,
+                      std::span<const elastic::HeldPoints> tools) {
+  return elastic::grip_stiffness_newton_per_m(compliance, tools, 0)[0];
+}
+
 class HeldObstacle final : public elastic::Obstacle {
  public:
   explicit HeldObstacle(const elastic::HeldPoints& held) : held_(held) {}
@@ -70,7 +76,7 @@ TEST(Grip, ItsStiffnessIsThatOfTheFullSolution) {
   Pull pull;
   pull.held.take(pull.points, pull.x.data(), kGripTop_m, 0.008, 64, 2000.0);
   ASSERT_GT(pull.held.size(), 8U);
-  const Matrix3 K = elastic::grip_stiffness_newton_per_m(pull.compliance, pull.held, {});
+  const Matrix3 K = own_stiffness(pull.compliance, {&pull.held, 1});
   EXPECT_TRUE(K.isApprox(K.transpose(), 1e-12));
 
   const HeldObstacle obstacle(pull.held);
@@ -95,7 +101,7 @@ TEST(Grip, SoftJawsAreTheirOwnStiffness) {
   Pull pull;
   pull.held.take(pull.points, pull.x.data(), kGripTop_m, 0.008, 5, 1.0);
   EXPECT_EQ(pull.held.size(), 5U);
-  const Matrix3 K = elastic::grip_stiffness_newton_per_m(pull.compliance, pull.held, {});
+  const Matrix3 K = own_stiffness(pull.compliance, {&pull.held, 1});
   EXPECT_LT((K - Matrix3::Identity()).norm(), 0.03);
 }
 
@@ -106,8 +112,8 @@ TEST(Grip, ASecondGripMakesTheBodyStiffer) {
   all[0] = pull.held;
   all[1].take(pull.points, pull.x.data(), kGripTop_m + Vector3(0.01, 0, 0), 0.004, 64, 2000.0);
   ASSERT_FALSE(all[1].is_empty());
-  const Matrix3 alone = elastic::grip_stiffness_newton_per_m(pull.compliance, all[0], {});
-  const Matrix3 both = elastic::grip_stiffness_newton_per_m(pull.compliance, all[0], all);
+  const Matrix3 alone = own_stiffness(pull.compliance, {all.data(), 1});
+  const Matrix3 both = own_stiffness(pull.compliance, all);
   EXPECT_GT((both - alone).eigenvalues().real().minCoeff(), 0.0);
 }
 
@@ -186,6 +192,12 @@ TEST_F(GripScene, TheForceOfAPullIsThatOfTheFullSolution) {
   EXPECT_GT(counters.elastic_points_held, 3U);
   EXPECT_LE(counters.elastic_points_held, 64U);
   EXPECT_EQ(counters.elastic_solves_failed, 0U);
+  // each solution beside what was stated for it
+  EXPECT_GT(counters.elastic_bounds_checked, 5U);
+  EXPECT_LE(5 * counters.elastic_bound_violations, counters.elastic_bounds_checked);
+  elastic->count_tool_into(0, counters);
+  EXPECT_GE(counters.elastic_bound_newton, counters.elastic_error_newton);
+  EXPECT_LT(counters.elastic_bound_newton, 0.2 * peak);
 }
 
 // What mofc_node may give back to the hand: the work that was done, but for what viscosity took.
@@ -326,6 +338,38 @@ TEST_F(GripScene, TwoToolsHoldOneBody) {
   PhysicsCounters counters;
   elastic->count_into(counters);
   EXPECT_GT(counters.elastic_points_held, 6U);
+}
+
+// Between two solutions a tool at rest feels what the other one pulls at the body: 50 Hz beside a
+// solution in every step.
+TEST_F(GripScene, AToolFeelsTheOtherOneBetweenTwoSolutions) {
+  const auto coarse = tissues(2);
+  auto& material = std::get<ElasticMaterial>(scene_.tissues[0].material);
+  material.solve_rate_hz = 1.0 / kGripTick_s;
+  const auto fine = tissues(2);
+  const Vector3 aside(0.008, 0, 0);
+  double error2 = 0.0;
+  double peak = 0.0;
+  double held2 = 0.0;  // of a force that waits for the next solution
+  double held = 0.0;
+  const int ticks = test::kIsSanitized ? 250 : 500;
+  for (int tick = 0; tick < ticks; ++tick) {
+    const double time_s = kGripTick_s * tick;
+    const JawInput still = closed_from(time_s);
+    JawInput pulling = still;
+    pulling.velocity_m_per_s = (pulled(time_s) - pulled(time_s - kGripTick_s)) / kGripTick_s;
+    static_cast<void>(force_z(*coarse, time_s, pulled(time_s) - aside, pulling, 0));
+    static_cast<void>(force_z(*fine, time_s, pulled(time_s) - aside, pulling, 0));
+    const double newton = force_z(*coarse, time_s, pulled(0.0) + aside, still, 1);
+    const double exact = force_z(*fine, time_s, pulled(0.0) + aside, still, 1);
+    error2 += std::pow(newton - exact, 2);
+    peak = std::max(peak, std::abs(exact));
+    if (tick % 20 == 0) held = exact;
+    held2 += std::pow(held - exact, 2);
+  }
+  EXPECT_GT(peak, 0.05);
+  EXPECT_LT(std::sqrt(error2 / ticks), 0.01 * peak);
+  EXPECT_LT(error2, 0.25 * held2);
 }
 
 TEST_F(GripScene, AStepWithHeldTissueDoesNotAllocate) {
