@@ -89,6 +89,48 @@ class Tissue(unittest.TestCase):
         self.assertEqual(batch.time(1), 0.0)
         self.assertAlmostEqual(batch.time(0), 0.30)
 
+    def test_bodies_and_surfaces_come_from_arrays(self) -> None:
+        lines = (SESSIONS / "small_block.msh").read_text().split("\n")
+        nodes = np.loadtxt(lines[lines.index("$Nodes") + 2:lines.index("$EndNodes")])[:, 1:]
+        elements = np.loadtxt(lines[lines.index("$Elements") + 2:lines.index("$EndElements")], dtype=int)[:, -4:] - 1
+        in_lump = (np.linalg.norm(nodes[elements].mean(axis=1) - [0.0, 0.0, -0.008], axis=1) < 0.008).astype(int)
+        self.assertGreater(in_lump.sum(), 3)
+
+        def force_of(text: str, folder: Path) -> np.ndarray:
+            batch = pt.Batch(pt.Scene.parse(text, folder))
+            for k in range(40):
+                batch.position[0, 0, 2] = 0.006 - 5e-5 * k
+                batch.step(1e-3)
+            return batch.force[0, 0].copy()
+
+        tagged = LUMP.replace("small_block", "tagged").replace(
+            LUMP[LUMP.index("where {"):LUMP.index(" young_pa: 300e3")], 'where { tag: "lump" }')
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            pt.files.write_tetrahedra(folder / "small_block.msh", nodes, elements)
+            pt.files.write_tetrahedra(folder / "tagged.msh", nodes, elements, in_lump, ["block", "lump"])
+            np.testing.assert_array_equal(force_of(LUMP, folder), force_of(LUMP, SESSIONS))
+            soft = force_of(tagged.replace("300e3", "10e3"), folder)
+            self.assertGreater(force_of(tagged, folder)[2], 1.02 * soft[2])
+
+            corners = np.array([[x, y, z] for z in (-0.02, 0) for y in (-0.02, 0.02) for x in (-0.02, 0.02)])
+            sides = np.array([[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
+                              [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]])
+            pt.files.write_triangles(folder / "box.stl", corners, sides)
+            box = FLOOR.replace("half_space {}", 'triangle_surface { file: "box.stl" }')
+            batch = pt.Batch(pt.Scene.parse(box, folder))
+            batch.position[0, 0] = (0.003, 0.001, 0.004)
+            batch.step(1e-3)
+            np.testing.assert_allclose(batch.force[0, 0], [0.0, 0.0, 0.4], atol=1e-6)
+
+            for arrays, words in (((nodes[:, :2], elements), "nodes_m: .*metres"), ((nodes, elements - 1), "-1 to"),
+                                  ((nodes, elements, in_lump), "0 names"), ((nodes, elements * 1.0), "whole numbers")):
+                with self.assertRaisesRegex(ValueError, words):
+                    pt.files.write_tetrahedra(folder / "wrong.msh", *arrays)
+            with self.assertRaisesRegex(ValueError, "box.stl"):
+                pt.files.write_triangles(folder / "box.obj", corners, sides)
+            self.assertFalse((folder / "wrong.msh").exists())
+
     def test_what_is_wrong_is_an_exception_with_a_remedy(self) -> None:
         with self.assertRaisesRegex(pt.TissueError, r"scene:\d+:\d+.*half_spaze"):
             pt.Scene.parse("scene { tissue { half_spaze {} } }")

@@ -10,9 +10,9 @@ the bit on every run.
 
 SI units, frame W of the scene. docs/tissue.md has more."""
 
-from . import rows
+from . import files, rows
 from .batch import Batch, Snapshot, Surface
 from .library import TissueError, version
 from .scene import Scene
 
-__all__ = ["Batch", "Scene", "Snapshot", "Surface", "TissueError", "rows", "version"]
+__all__ = ["Batch", "Scene", "Snapshot", "Surface", "TissueError", "files", "rows", "version"]
