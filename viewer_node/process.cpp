@@ -141,7 +141,12 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
                      plot->endpoint());
   }
   std::optional<TaskView> task;
-  if (context.session.task) task.emplace(context.session);
+  const bool has_web = options.web.is_enabled(context.session.viewer.web);
+  if (context.session.task) {
+    task.emplace(context.session, has_web ? std::make_unique<TaskJournal>(
+                                                run_folder(context.session.name) / "task.journal")
+                                          : nullptr);
+  }
   HiddenLesions hidden(context.session);
   for (std::size_t i = 0; i < sides.size(); ++i) {
     CsvWriter* csv = nullptr;
@@ -183,7 +188,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     }
   };
   std::optional<WebFeed> web;
-  if (options.web.is_enabled(context.session.viewer.web)) {
+  if (has_web) {
     web.emplace(context, links, options.web, feed.subscriber(), mirrors, task ? &*task : nullptr);
   }
   std::optional<IgtlFeed> igtl;

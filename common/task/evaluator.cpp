@@ -342,6 +342,7 @@ void TaskEvaluator::mark_find(MarkScore& mark, double t_s) {
     best = i;
     best_m = distance_m;
   }
+  mark.is_in_air = !has_place;
   if (best == score_.targets.size()) return;
   TargetScore& target = score_.targets[best];
   mark.target = target.name;
@@ -358,6 +359,7 @@ void TaskEvaluator::mark_find(MarkScore& mark, double t_s) {
   } else {
     mark.outcome = MarkScore::Outcome::kGuess;
     target.outcome = TargetScore::Outcome::kGuessed;
+    target.guess_newton = most_newton;
   }
 }
 

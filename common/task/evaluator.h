@@ -58,6 +58,7 @@ class TaskEvaluator {
   /// @param is_cut  what came after is missing, as of a recording without its end
   void finish(bool is_cut = false);
 
+  [[nodiscard]] bool has_begun() const { return phase_ != TaskState::Phase::kWaiting; }
   [[nodiscard]] bool has_ended() const { return phase_ == TaskState::Phase::kEnded; }
   /// Complete after the end.
   [[nodiscard]] const TaskScore& score() const { return score_; }

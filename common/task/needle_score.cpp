@@ -79,12 +79,15 @@ std::vector<std::pair<std::string, std::string>> figures_of(const NeedleScore& s
   add("behind at the end", score.end_behind_m);
   add("sideways", score.sideways_m);
   for (const LayerScore& layer : score.layers) {
-    figures.emplace_back(layer.name,
-                         layer.punctures == 0
-                             ? "not punctured"
-                             : fmt::format("punctured after {:.1f} s, {} deep, with {:.2f} N",
-                                           layer.punctured_after_s, mm_text(layer.puncture_depth_m),
-                                           layer.puncture_newton));
+    figures.emplace_back(
+        layer.name,
+        layer.punctures == 0
+            ? "not punctured"
+            : fmt::format("punctured after {:.1f} s{}, with {:.2f} N", layer.punctured_after_s,
+                          std::isfinite(layer.puncture_depth_m)
+                              ? ", " + mm_text(layer.puncture_depth_m) + " deep"
+                              : "",
+                          layer.puncture_newton));
   }
   return figures;
 }

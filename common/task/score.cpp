@@ -13,6 +13,15 @@
 namespace palpate {
 namespace {
 
+/// Two forces that are not equal, with as many digits as show it.
+std::pair<std::string, std::string> forces_text(double a_newton, double b_newton) {
+  for (int digits = 1;; ++digits) {
+    std::string a = fmt::format("{:.{}f} N", a_newton, digits);
+    std::string b = fmt::format("{:.{}f} N", b_newton, digits);
+    if (a != b || digits == 4) return {std::move(a), std::move(b)};
+  }
+}
+
 std::string finding_of(const TargetScore& target) {
   const double most = target.force.most_newton;
   const bool is_known = std::isfinite(target.palpable_newton);
@@ -20,11 +29,17 @@ std::string finding_of(const TargetScore& target) {
     case TargetScore::Outcome::kFound:
       return fmt::format("{}: found after {:.1f} s, marked {:.0f} mm from its centre.", target.name,
                          target.found_after_s, 1e3 * target.mark_distance_m);
-    case TargetScore::Outcome::kGuessed:
+    case TargetScore::Outcome::kGuessed: {
+      if (!(target.guess_newton > 0.0)) {
+        return fmt::format("{}: marked, but guessed: before the mark you had not pressed over it.",
+                           target.name);
+      }
+      const auto [pressed, palpable] = forces_text(target.guess_newton, target.palpable_newton);
       return fmt::format(
-          "{}: marked, but guessed: you pressed over it with at most {:.1f} N, and it can be felt "
-          "from {:.1f} N on.",
-          target.name, std::isfinite(most) ? most : 0.0, target.palpable_newton);
+          "{}: marked, but guessed: before the mark you had pressed over it with at most {}, and "
+          "it can be felt from {} on.",
+          target.name, pressed, palpable);
+    }
     case TargetScore::Outcome::kMissed:
       break;
   }
@@ -32,10 +47,10 @@ std::string finding_of(const TargetScore& target) {
     return fmt::format("{}: missed. You never touched the place above it.", target.name);
   }
   if (is_known && most < target.palpable_newton) {
+    const auto [pressed, palpable] = forces_text(most, target.palpable_newton);
     return fmt::format(
-        "{}: missed. You pressed too lightly: at most {:.1f} N over it, and it can be felt from "
-        "{:.1f} N on.",
-        target.name, most, target.palpable_newton);
+        "{}: missed. You pressed too lightly: at most {} over it, and it can be felt from {} on.",
+        target.name, pressed, palpable);
   }
   return fmt::format("{}: missed. You pressed over it with up to {:.1f} N{}, and did not mark it.",
                      target.name, most, is_known ? ", which is enough to feel it" : "");
@@ -131,6 +146,11 @@ std::vector<std::string> findings_of(const TaskScore& score) {
                                    unseen, unseen == 1 ? "mark is" : "marks are",
                                    unseen == 1 ? "it" : "them"));
   }
+  if (!score.is_judged()) {
+    findings.emplace_back(
+        "That is too much to judge the task: what was not seen may have been done.");
+    return findings;
+  }
   if (score.is_search()) {
     if (score.targets.empty()) {
       findings.push_back(score.marks.empty() ? "There was nothing to find, and you marked nothing."
@@ -140,12 +160,18 @@ std::vector<std::string> findings_of(const TaskScore& score) {
                                      score.targets.size()));
     }
     for (const TargetScore& target : score.targets) findings.push_back(finding_of(target));
-    if (const std::size_t alarms = score.count(MarkScore::Outcome::kFalseAlarm); alarms > 0) {
-      findings.push_back(fmt::format("{} {} set where there is nothing.", alarms,
-                                     alarms == 1 ? "mark was" : "marks were"));
-    }
+    const auto in_air = std::count_if(score.marks.begin(), score.marks.end(),
+                                      [](const MarkScore& one) { return one.is_in_air; });
+    const auto told = [&](std::ptrdiff_t marks, const char* how) {
+      if (marks <= 0) return;
+      findings.push_back(
+          fmt::format("{} {} set {}.", marks, marks == 1 ? "mark was" : "marks were", how));
+    };
+    told(static_cast<std::ptrdiff_t>(score.count(MarkScore::Outcome::kFalseAlarm)) - in_air,
+         "where there is nothing");
+    told(in_air, "without touching the tissue");
     if (std::isfinite(score.coverage_ratio)) {
-      findings.push_back(fmt::format("You searched {:.0f} % of the surface with {:.1f} N or more.",
+      findings.push_back(fmt::format("You searched {:.0f} % of the surface with {:.2g} N or more.",
                                      100.0 * score.coverage_ratio, score.least_force_newton));
     } else {
       findings.emplace_back(
@@ -189,7 +215,7 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
           "{:.1f} s, {}{}", score.time_s,
           score.is_cut ? "where the recording breaks off" : end_text(score.end),
           std::isfinite(score.limit_s) ? fmt::format(" (limit {:.0f} s)", score.limit_s) : ""));
-  if (score.is_search()) {
+  if (score.is_search() && score.is_judged()) {
     add("found",
         fmt::format("{} of {}", score.count(TargetScore::Outcome::kFound), score.targets.size()));
     add("false alarms", std::to_string(score.count(MarkScore::Outcome::kFalseAlarm)));
@@ -199,10 +225,10 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
                                       score.least_force_newton)
                         : "not known");
   }
-  if (score.needle) {
+  if (score.needle && score.is_judged()) {
     for (auto& [label, value] : figures_of(*score.needle)) add(label, std::move(value));
   }
-  if (score.traction) {
+  if (score.traction && score.is_judged()) {
     for (auto& [label, value] : figures_of(*score.traction)) add(label, std::move(value));
   }
   add("force", force_text(score.force));
@@ -257,6 +283,7 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
   json["kind"] = name(score.kind);
   json["end"] = name(score.end);
   json["is_cut"] = score.is_cut;
+  json["is_judged"] = score.is_judged();
   json["time_s"] = score.time_s;
   json["limit_s"] = number_or_null(score.limit_s);
   if (score.is_search()) {

@@ -30,6 +30,7 @@ struct TargetScore {
   double mark_distance_m = kNotKnown;  ///< of the mark from the place above its centre
   double palpable_newton = kNotKnown;  ///< as in the session
   double contrast_ratio = kNotKnown;   ///< as in the session
+  double guess_newton = kNotKnown;     ///< of a guess: the largest force over it before the mark
   ForceFigures force{};                ///< over it
 };
 [[nodiscard]] const char* name(TargetScore::Outcome outcome);
@@ -46,7 +47,8 @@ struct MarkScore {
   double t_s = 0.0;  ///< since the start
   std::string origin{};
   Outcome outcome = Outcome::kFalseAlarm;
-  std::string target{};  ///< the lesion or the membrane; empty: none
+  std::string target{};    ///< the lesion or the membrane; empty: none
+  bool is_in_air = false;  ///< of a search: without a touch
 };
 [[nodiscard]] const char* name(MarkScore::Outcome outcome);
 
@@ -89,6 +91,9 @@ struct TaskScore {
   [[nodiscard]] bool is_search() const { return kind == TaskState::Kind::kPalpation; }
   /// Share of the ticks of the task whose telemetry is missing; 0 without ticks.
   [[nodiscard]] double missing_ratio() const;
+  /// False: so much of the telemetry is missing that what was not seen may have been done.
+  [[nodiscard]] bool is_judged() const { return missing_ratio() <= kMostMissing; }
+  static constexpr double kMostMissing = 0.1;
 };
 
 [[nodiscard]] const char* name(TaskState::Kind kind);

@@ -115,7 +115,10 @@ DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
   DetectionFigures figures;
   for (const NamedScore& one : scores) {
     const TaskScore& score = one.score;
-    if (!score.is_search() || score.end == TaskScore::End::kNotStarted || score.is_cut) continue;
+    if (!score.is_search() || score.end == TaskScore::End::kNotStarted || score.is_cut ||
+        !score.is_judged()) {
+      continue;
+    }
     ++figures.runs;
     figures.false_alarms += score.count(MarkScore::Outcome::kFalseAlarm);
     figures.sensitivity.hits += score.count(TargetScore::Outcome::kFound);
@@ -128,6 +131,7 @@ DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
 }
 
 std::string outcome_of(const TaskScore& score) {
+  if (!score.is_judged()) return "not_judged";
   if (score.needle) return name(score.needle->outcome());
   return score.traction ? name(score.traction->outcome()) : "";
 }
@@ -203,13 +207,13 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
     const TaskScore& s = one.score;
     csv +=
         fmt::format("{},{},{},{},", csv_cell(one.run), name(s.kind), name(s.end), s.is_cut ? 1 : 0);
-    csv += s.is_search() ? fmt::format("{},{},{},{},", s.targets.size(),
+    csv += s.is_search() && s.is_judged() ? fmt::format("{},{},{},{},", s.targets.size(),
                                        s.count(TargetScore::Outcome::kFound),
                                        s.count(TargetScore::Outcome::kGuessed),
                                        s.count(TargetScore::Outcome::kMissed))
                          : ",,,,";
     const bool has_marks = s.is_search() || s.needle;
-    csv += has_marks ? fmt::format("{},", s.count(MarkScore::Outcome::kFalseAlarm)) : ",";
+    csv += has_marks && s.is_judged() ? fmt::format("{},", s.count(MarkScore::Outcome::kFalseAlarm)) : ",";
     const auto add = [&](double value, char after) { csv += csv_number(value) + after; };
     for (const double value :
          {s.time_s, s.coverage_ratio, s.force.median_newton, s.force.p95_newton,

@@ -8,7 +8,38 @@
 namespace palpate {
 namespace {
 
+using Corners = std::array<Vector3, 3>;
+
 constexpr double kPointsPerRadius = 24.0;
+constexpr double kPointsOutside = 6.0;  // of the area: only to know where a tip is
+constexpr std::size_t kMostOutside = 100'000;
+
+double area_of(const Corners& triangle) {
+  return 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
+}
+
+/// Calls visit(piece) for equal parts of a triangle, each of at most the square of the spacing.
+template <class Visit>
+void for_pieces(const Corners& corners, double spacing_m, const Visit& visit) {
+  const auto parts = static_cast<int>(std::ceil(std::sqrt(area_of(corners)) / spacing_m));
+  const auto at = [&](int i, int j) -> Vector3 {
+    return corners[0] + (i * (corners[1] - corners[0]) + j * (corners[2] - corners[0])) / parts;
+  };
+  for (int i = 0; i < parts; ++i) {
+    for (int j = 0; i + j < parts; ++j) {
+      visit(Corners{at(i, j), at(i + 1, j), at(i, j + 1)});
+      if (i + j + 1 < parts) visit(Corners{at(i + 1, j + 1), at(i, j + 1), at(i + 1, j)});
+    }
+  }
+}
+
+/// Of a small piece: whether some of it is to be searched.
+bool is_near(const std::optional<RegionGeometry>& area, const Corners& piece) {
+  if (!area) return true;
+  const Vector3 middle = (piece[0] + piece[1] + piece[2]) / 3.0;
+  return contains(*area, middle) || contains(*area, piece[0]) || contains(*area, piece[1]) ||
+         contains(*area, piece[2]);
+}
 
 /// Uniform in [0, 1), always the same for the same number [splitmix64].
 double uniform(std::uint64_t number) {
@@ -23,58 +54,55 @@ double uniform(std::uint64_t number) {
 SearchedSurface::SearchedSurface(const SurfaceMesh& mesh, const std::optional<RegionGeometry>& area,
                                  double radius_m)
     : radius_m_(radius_m), cell_m_(radius_m) {
-  std::vector<std::array<Vector3, 3>> triangles;
+  std::vector<Corners> triangles;
   double whole_m2 = 0.0;
   for (std::size_t i = 0; i + 2 < mesh.triangles.size(); i += 3) {
-    const std::array<Vector3, 3> corners{mesh.vertex_m(mesh.triangles[i]),
-                                         mesh.vertex_m(mesh.triangles[i + 1]),
-                                         mesh.vertex_m(mesh.triangles[i + 2])};
+    const Corners corners{mesh.vertex_m(mesh.triangles[i]), mesh.vertex_m(mesh.triangles[i + 1]),
+                          mesh.vertex_m(mesh.triangles[i + 2])};
     const Vector3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     if (!(normal.norm() > 0.0)) continue;
     triangles.push_back(corners);
     normals_.push_back(normal.normalized());
     whole_m2 += 0.5 * normal.norm();
   }
-  spacing_m_ =
-      std::max(radius_m / kPointsPerRadius, std::sqrt(whole_m2 / static_cast<double>(kMostPoints)));
+  const auto spacing_of = [&](double points_per_radius, double m2, std::size_t most) {
+    return std::max(radius_m / points_per_radius, std::sqrt(m2 / static_cast<double>(most)));
+  };
+  coarse_m_ = spacing_of(kPointsOutside, whole_m2, kMostOutside);
+  double near_m2 = 0.0;
+  for (const Corners& triangle : triangles) {
+    for_pieces(triangle, coarse_m_, [&](const Corners& piece) {
+      if (is_near(area, piece)) near_m2 += area_of(piece);
+    });
+  }
+  spacing_m_ = spacing_of(kPointsPerRadius, near_m2, kMostPoints);
   cell_m_ = std::max(radius_m, 3.0 * spacing_m_);
   for (std::size_t i = 0; i < triangles.size(); ++i) {
-    sample(static_cast<std::uint32_t>(i), triangles[i], area);
+    for_pieces(triangles[i], coarse_m_, [&](const Corners& piece) {
+      const double spacing_m = is_near(area, piece) ? spacing_m_ : coarse_m_;
+      for_pieces(piece, spacing_m,
+                 [&](const Corners& one) { sample(static_cast<std::uint32_t>(i), one, area); });
+    });
   }
   sort_into_cells();
 }
 
-void SearchedSurface::sample(std::uint32_t triangle, const std::array<Vector3, 3>& corners,
+void SearchedSurface::sample(std::uint32_t triangle, const Corners& piece,
                              const std::optional<RegionGeometry>& area) {
-  const Vector3 along = corners[1] - corners[0];
-  const Vector3 across = corners[2] - corners[0];
-  const double whole_m2 = 0.5 * along.cross(across).norm();
-  const auto parts = static_cast<int>(std::ceil(std::sqrt(whole_m2) / spacing_m_));
-  const double piece_m2 = whole_m2 / (static_cast<double>(parts) * parts);
-  const auto add = [&](double u, double v, double side) {
-    const std::uint64_t number = 2 * points_.size();
-    double a = uniform(number);
-    double b = uniform(number + 1);
-    if (a + b > 1.0) {
-      a = 1.0 - a;
-      b = 1.0 - b;
-    }
-    const Vector3 place_m = corners[0] + ((u + side * a) * along + (v + side * b) * across) /
-                                             static_cast<double>(parts);
-    const bool is_searched_for = !area || contains(*area, place_m);
-    points_.push_back({.place_m = {static_cast<float>(place_m.x()), static_cast<float>(place_m.y()),
-                                   static_cast<float>(place_m.z())},
-                       .triangle = triangle,
-                       .area_m2 = is_searched_for ? static_cast<float>(piece_m2) : 0.0F,
-                       .is_searched = false});
-    if (is_searched_for) area_m2_ += piece_m2;
-  };
-  for (int i = 0; i < parts; ++i) {
-    for (int j = 0; i + j < parts; ++j) {
-      add(i, j, 1.0);
-      if (i + j + 1 < parts) add(i + 1, j + 1, -1.0);
-    }
+  const std::uint64_t number = 2 * points_.size();
+  double a = uniform(number);
+  double b = uniform(number + 1);
+  if (a + b > 1.0) {
+    a = 1.0 - a;
+    b = 1.0 - b;
   }
+  const Vector3 place_m = piece[0] + a * (piece[1] - piece[0]) + b * (piece[2] - piece[0]);
+  const double piece_m2 = !area || contains(*area, place_m) ? area_of(piece) : 0.0;
+  points_.push_back({.place_m = place_m.cast<float>(),
+                     .triangle = triangle,
+                     .area_m2 = static_cast<float>(piece_m2),
+                     .is_searched = false});
+  area_m2_ += piece_m2;
 }
 
 SearchedSurface::Cell SearchedSurface::cell_of(const Vector3& place_m) const {
@@ -83,15 +111,19 @@ SearchedSurface::Cell SearchedSurface::cell_of(const Vector3& place_m) const {
 }
 
 void SearchedSurface::sort_into_cells() {
-  const auto cell = [&](const Point& point) {
-    return cell_of({point.place_m[0], point.place_m[1], point.place_m[2]});
+  const auto range_of = [&](const Point& point) -> auto& {
+    return cells_[cell_of(point.place_m.cast<double>())];
   };
-  std::sort(points_.begin(), points_.end(),
-            [&](const Point& a, const Point& b) { return cell(a) < cell(b); });
-  for (std::uint32_t i = 0; i < points_.size(); ++i) {
-    const auto [it, is_new] = cells_.try_emplace(cell(points_[i]), i, i);
-    it->second.second = i + 1;
+  for (const Point& point : points_) ++range_of(point).second;
+  std::uint32_t first = 0;
+  for (auto& [cell, range] : cells_) {
+    const std::uint32_t count = range.second;
+    range = {first, first};
+    first += count;
   }
+  std::vector<Point> sorted(points_.size());
+  for (const Point& point : points_) sorted[range_of(point).second++] = point;
+  points_ = std::move(sorted);
 }
 
 template <class Visit>
@@ -118,19 +150,19 @@ std::optional<SearchedSurface::Foot> SearchedSurface::foot_of(const Vector3& pla
   for (std::int32_t shell = 0; (shell - 1) * cell_m_ <= std::sqrt(least2); ++shell) {
     for_shell(middle, shell, [&](std::uint32_t i) {
       const Point& point = points_[i];
-      const double distance2 =
-          (Vector3(point.place_m[0], point.place_m[1], point.place_m[2]) - place_m).squaredNorm();
+      const double distance2 = (point.place_m.cast<double>() - place_m).squaredNorm();
       if (distance2 > least2) return;
       least2 = distance2;
       nearest = &point;
     });
   }
   if (nearest == nullptr) return std::nullopt;
-  const Vector3 point_m(nearest->place_m[0], nearest->place_m[1], nearest->place_m[2]);
+  const Vector3 point_m = nearest->place_m.cast<double>();
   const Vector3& normal = normals_[nearest->triangle];
   const Vector3 foot_m = place_m - normal.dot(place_m - point_m) * normal;
   // beside an edge the plane of the nearest point goes on where the surface does not
-  const bool is_beside = (foot_m - point_m).norm() > 2.0 * spacing_m_;
+  const double spacing_m = nearest->area_m2 > 0.0F ? spacing_m_ : coarse_m_;
+  const bool is_beside = (foot_m - point_m).norm() > 2.0 * spacing_m;
   return Foot{is_beside ? point_m : foot_m, normal};
 }
 
@@ -143,7 +175,7 @@ TaskMap SearchedSurface::map(std::size_t most) const {
   std::size_t number = 0;
   for (const Point& point : points_) {
     if (!in_area(point) || number++ % step != 0) continue;
-    map.places_m.push_back(point.place_m);
+    map.places_m.push_back({point.place_m.x(), point.place_m.y(), point.place_m.z()});
     map.is_searched.push_back(point.is_searched ? 1 : 0);
   }
   return map;
@@ -155,7 +187,7 @@ void SearchedSurface::search(const Vector3& place_m) {
     for_shell(middle, shell, [&](std::uint32_t i) {
       Point& point = points_[i];
       if (point.is_searched || point.area_m2 == 0.0F) return;
-      const Vector3 at_m(point.place_m[0], point.place_m[1], point.place_m[2]);
+      const Vector3 at_m = point.place_m.cast<double>();
       if ((at_m - place_m).squaredNorm() > radius_m_ * radius_m_) return;
       point.is_searched = true;
       searched_m2_ += static_cast<double>(point.area_m2);

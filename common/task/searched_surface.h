@@ -21,12 +21,12 @@ namespace palpate {
 
 class SearchedSurface {
  public:
-  /// Most points, whatever the size of the surface.
-  static constexpr std::size_t kMostPoints = 150'000;
+  /// Most points of what is to be searched, whatever its size; about.
+  static constexpr std::size_t kMostPoints = 600'000;
 
   /// One point in each piece of the triangles, at a place of the piece that is random and always
   /// the same: no direction of a path is favoured. They are about a 24th of `radius_m` apart, more
-  /// where that would be more points than kMostPoints.
+  /// where that would be more points than kMostPoints, and fewer outside the area.
   /// @param mesh      with triangles; without, the surface has no points
   /// @param area      what is to be searched; never a MeshTag; none: all
   /// @param radius_m  of a press, > 0
@@ -57,7 +57,7 @@ class SearchedSurface {
 
  private:
   struct Point {
-    std::array<float, 3> place_m;
+    Eigen::Vector3f place_m;
     std::uint32_t triangle;
     float area_m2;  // 0: not to be searched
     bool is_searched;
@@ -70,7 +70,7 @@ class SearchedSurface {
              static_cast<std::size_t>(cell[2]) * 83492791U;
     }
   };
-  void sample(std::uint32_t triangle, const std::array<Vector3, 3>& corners,
+  void sample(std::uint32_t triangle, const std::array<Vector3, 3>& piece,
               const std::optional<RegionGeometry>& area);
   void sort_into_cells();
   [[nodiscard]] Cell cell_of(const Vector3& place_m) const;
@@ -79,7 +79,8 @@ class SearchedSurface {
   void for_shell(const Cell& middle, std::int32_t distance, const Visit& visit) const;
 
   double radius_m_;
-  double spacing_m_ = 0.0;
+  double spacing_m_ = 0.0;  // of points of the area
+  double coarse_m_ = 0.0;   // of the others
   double cell_m_;
   double area_m2_ = 0.0;
   double searched_m2_ = 0.0;

@@ -12,6 +12,8 @@ void note_first(double& first_s, double t_s) {
   if (!std::isfinite(first_s)) first_s = t_s;
 }
 
+// A slip that rests for less goes on: tissue sticks and slips in turn.
+constexpr double kSameSlip_s = 0.1;
 // sums of periods, each rounded
 constexpr double kRounding_s = 1e-6;
 
@@ -43,6 +45,10 @@ void Traction::count(double t_s, double newton, double elapsed_s) {
   if (is_unknown_) ++score_.unknown_ticks;
   if (grip_ != before_) note_change(t_s);
   before_ = grip_;
+  if (grip_ == GripState::kSlips) {
+    if (!(t_s - slipped_s_ < kSameSlip_s)) ++score_.slips;
+    slipped_s_ = t_s;
+  }
   if (is_holding(grip_)) {
     forces_.add(newton, elapsed_s);
     const double way_m = (tip_m_ - *taken_m_).norm();
@@ -69,9 +75,6 @@ void Traction::note_change(double t_s) {
     note_first(score_.held_after_s, t_s);
   }
   switch (grip_) {
-    case GripState::kSlips:
-      ++score_.slips;
-      break;
     case GripState::kTorn:
       ++score_.tears;
       note_first(score_.torn_after_s, t_s);
@@ -81,6 +84,7 @@ void Traction::note_change(double t_s) {
       break;
     case GripState::kNone:
     case GripState::kHolds:
+    case GripState::kSlips:
       break;
   }
 }

@@ -45,6 +45,7 @@ class Traction {
   Vector3 tip_m_ = Vector3::Zero();
   std::optional<Vector3> taken_m_;  // where the jaws took hold
   double streak_s_ = 0.0;           // at the target without a break
+  double slipped_s_ = kNotKnown;    // the newest tick that slipped
   ForceCount forces_;
   TractionScore score_;
 };

@@ -316,7 +316,7 @@ test_alone("a lesion is hidden until the task has ended, and then shown with the
   assert.doesNotMatch(metrics, /lump|part/);
   await page.getByRole("button", { name: "Stop" }).click();
   await page.locator("#task", { hasText: "Found 0 of 1." }).waitFor();
-  await page.locator("#task", { hasText: "1 mark was set where there is nothing." }).waitFor();
+  await page.locator("#task", { hasText: "1 mark was set without touching the tissue." }).waitFor();
   await until(page, (t) => t.scene.tissues.length === 2, "the lump");
   // nothing was touched
   await until(page, (t) => t.task_map?.places > 500 && t.task_map.searched === 0, "the map of what was searched");

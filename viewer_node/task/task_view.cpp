@@ -8,6 +8,10 @@ namespace palpate::viewer {
 namespace {
 
 constexpr double kEnd_s = 1e-3;  // of a replay that stands there
+// A launch sends the marks of the run, and physics_node the surface, about once a second.
+constexpr Duration kMarksPatience = std::chrono::seconds(5);
+// Of a task that has not begun.
+constexpr std::size_t kMostBytesBefore = std::size_t{8} << 20U;
 
 }  // namespace
 
@@ -22,7 +26,37 @@ void TaskView::take(const TickRow& row) {
   const std::uint64_t before = std::exchange(device_session_id_, row.device_session_id);
   // each pass of a replay is like a restart
   if (is_replay_ && before != 0 && before != row.device_session_id) begin_anew();
-  evaluator_.take(row);
+  journal(row);
+  if (waiting_.empty()) {
+    evaluator_.take(row);
+    return;
+  }
+  waiting_.push_back(row);
+  if (waits(row)) return;
+  for (const TickRow& one : waiting_) evaluator_.take(one);
+  waiting_ = {};
+}
+
+/// What a process before this one has seen comes first.
+void TaskView::journal(const TickRow& row) {
+  if (is_replay_) journal_.reset();
+  if (!journal_) return;
+  if (!std::exchange(has_restored_, true)) {
+    began_at_ = row.device.sampled_at;
+    waiting_ = journal_->restore(row);
+  }
+  if (evaluator_.has_ended()) return;
+  if (waiting_.empty() && !evaluator_.has_begun() && journal_->size_bytes() > kMostBytesBefore) {
+    journal_->clear();
+  }
+  journal_->append(row);
+}
+
+/// Rows of a process before this one are of the past, so that all marks and the surface must be
+/// there first.
+bool TaskView::waits(const TickRow& row) const {
+  const bool has_all = has_run_ && (scene_ || session_.task->palpation() == nullptr);
+  return !has_all && row.device.sampled_at - began_at_ < kMarksPatience;
 }
 
 void TaskView::take(const TelemetryMessage& message) {
@@ -36,6 +70,7 @@ void TaskView::take(const TelemetryMessage& message) {
 
 void TaskView::take(const RunState& run) {
   run_ = run;
+  has_run_ = true;
   if (run.replay && !is_replay_) {
     is_replay_ = true;
     evaluator_.ignore_sessions();

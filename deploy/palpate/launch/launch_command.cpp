@@ -59,6 +59,7 @@ struct LaunchCommand {
   bool is_together = false;
   bool is_emulated = false;
   bool ends_with_task = false;
+  bool is_blind = false;
 
   void add_to(CLI::App& app);
   /// The session has a standby that --nodes names or whose links do not leave this machine.
@@ -102,6 +103,8 @@ void LaunchCommand::add_to(CLI::App& app) {
                "start a stand-in for the session's real device, too: palpate emulate");
   app.add_flag("--until-task-ends", ends_with_task,
                "stop 2 s after the task of the session has ended");
+  app.add_flag("--blind", is_blind,
+               "print the page and the score only, nothing that tells of controller or network");
   app.add_flag_callback(
          "--no-viewer", [this] { nodes.erase("viewer"); },
          "do not start viewer_node: no page, no status line")
@@ -398,7 +401,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
               .is_unsafe = is_unsafe,
               .is_emulated = is_emulated,
               .has_no_adversary = has_no_adversary,
-              .is_quiet = verbosity.is_quiet,
+              .is_quiet = verbosity.is_quiet || is_blind,
               .has_short_log = has_short_log(verbosity),
               .on_page = take_page,
               .nodes = here,
@@ -425,7 +428,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
 
   const std::vector<std::string> flights = flight_files_since(loaded.name, began_at);
   if (!verbosity.is_quiet) {
-    std::fputs(launch_text(loaded, observer.devices(), result).c_str(), stdout);
+    if (!is_blind) std::fputs(launch_text(loaded, observer.devices(), result).c_str(), stdout);
     if (observer.task() != nullptr) std::fputs(score_text(*observer.task()).c_str(), stdout);
     for (const std::string& file : flights) {
       std::printf("flight recording: %s\n", file.c_str());

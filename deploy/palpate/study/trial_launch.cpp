@@ -27,8 +27,8 @@ constexpr Duration kPatience = std::chrono::seconds(2);
 }  // namespace
 
 bool launch_trial(const TrialLaunch& trial) {
-  std::vector<std::string> words{"palpate",           "launch",   trial.session_file,
-                                 "--until-task-ends", "--record", trial.recording};
+  std::vector<std::string> words{"palpate", "launch",   trial.session_file, "--until-task-ends",
+                                 "--blind", "--record", trial.recording};
   for (const std::string& one : trial.overrides) words.push_back("--set=" + one);
   if (trial.seconds) words.push_back(fmt::format("--seconds={}", *trial.seconds));
   if (trial.is_quiet) words.emplace_back("--quiet");

@@ -9,6 +9,7 @@
 #include "common/core/check.h"
 #include "common/core/user/output_file.h"
 #include "common/process/options.h"
+#include "common/process/run_node.h"
 #include "common/process/terminal.h"
 #include "common/task/score.h"
 #include "common/task/score_table.h"
@@ -72,15 +73,21 @@ struct ScoreCommand {
     std::vector<NamedScore> scores;
     int status = 0;
     Progress progress("score", verbosity.is_quiet);
-    for (const std::string& file : files) {
-      RecordingFile recording(file);
-      recording.choose_side("");
-      const auto done = static_cast<double>(scores.size());
-      const auto all = static_cast<double>(files.size());
-      scores.push_back(
-          {file, score_of(recording, [&](double ratio) { progress.show((done + ratio) / all); })});
-      status = std::max(status, status_of_damage(recording));
-    }
+    for (const std::string& file : files) try {
+        RecordingFile recording(file);
+        recording.choose_side("");
+        const auto done = static_cast<double>(scores.size());
+        const auto all = static_cast<double>(files.size());
+        scores.push_back({file, score_of(recording, [&](double ratio) {
+                            progress.show((done + ratio) / all);
+                          })});
+        status = std::max(status, status_of_damage(recording));
+      } catch (const SetupError& error) {  // the others of a class count all the same
+        if (files.size() == 1) throw;
+        say(std::string("not scored: ") + error.what());
+        status = kExitSetupError;
+      }
+    if (scores.empty()) throw SetupError("no recording could be scored; see above");
     const bool prints = csv_file != kStandardOutput && regions_file != kStandardOutput &&
                         json_file != kStandardOutput && html_file != kStandardOutput;
     if (prints && !verbosity.is_quiet) std::fputs(text_of(scores).c_str(), stdout);

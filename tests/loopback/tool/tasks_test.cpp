@@ -185,6 +185,19 @@ TEST_F(Tasks, WhatHasNoTaskIsRefused) {
   const Outcome score = palpate({"score", path("plain.mcap")});
   EXPECT_EQ(score.status, 2);
   EXPECT_THAT(score.err, HasSubstr("plain.mcap: its session has no task; give task { … }"));
+  // one of many costs the others nothing
+  ASSERT_EQ(palpate({"loopback", session_, "-q", "--seconds", "2", "--no-ideal", "--record",
+                     path("good.mcap")})
+                .status,
+            0);
+  files_.write("empty.mcap", "");
+  const Outcome some = palpate({"score", path("plain.mcap"), path("good.mcap"), path("empty.mcap"),
+                                "--csv", path("class.csv")});
+  EXPECT_EQ(some.status, 2);
+  EXPECT_THAT(some.err, AllOf(HasSubstr("not scored: "), HasSubstr("plain.mcap: its session"),
+                              HasSubstr("empty.mcap")));
+  const std::string csv = text_of(path("class.csv"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 2) << csv;
   const Outcome make = palpate({"make-task", session_, "-o", files_.path().string()});
   EXPECT_EQ(make.status, 2);
   EXPECT_THAT(make.err, HasSubstr("lesions are placed in an elastic body only"));

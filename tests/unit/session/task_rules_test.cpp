@@ -192,6 +192,13 @@ TEST(TaskRules, LayersCanBePuncturedAndRest) {
   EXPECT_THAT(layer("flavum"), is_at("task.needle.layer[1]", "twice"));
 }
 
+TEST(TaskRules, ANeedleMeetsItsLayersOneAfterTheOther) {
+  EXPECT_THAT(needle_complaints("layer: ['flavum', 'skin'] membrane: 'flavum'"),
+              is_at("task.needle.layer[1]", "skin: begins before flavum on the way"));
+  EXPECT_THAT(needle_complaints("layer: ['skin', 'flavum'] membrane: 'flavum' direction { z: 1 }"),
+              is_at("task.needle.layer[0]", "skin: direction leads out of it"));
+}
+
 TEST(TaskRules, TheMembraneIsALayerAndWhatIsSparedLiesBehindIt) {
   const std::string layers = "layer: ['skin', 'flavum', 'dura'] ";
   EXPECT_THAT(needle_complaints(layers), is_at("task.needle.membrane", "name one of the layers"));

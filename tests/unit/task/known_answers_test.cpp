@@ -37,6 +37,46 @@ TEST(KnownAnswers, APressBelowTheLeastForceSearchesNothing) {
       1.0, 0.01);
 }
 
+/// The twelve triangles of a pad, its top at z = 0.
+SurfaceMesh pad_mesh(double side_m, double high_m) {
+  SurfaceMesh mesh;
+  for (int corner = 0; corner < 8; ++corner) {
+    mesh.vertices_m.push_back(static_cast<float>((corner & 1 ? 0.5 : -0.5) * side_m));
+    mesh.vertices_m.push_back(static_cast<float>((corner & 2 ? 0.5 : -0.5) * side_m));
+    mesh.vertices_m.push_back(static_cast<float>(corner & 4 ? 0.0 : -high_m));
+  }
+  mesh.triangles = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                    2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
+  return mesh;
+}
+
+// A press at one place of a pad searches a disc, or half of one at the edge of the area: whatever
+// the sizes of pad and area are.
+TEST(KnownAnswers, TheCoverageOfAPressIsADisc) {
+  struct Case {
+    double side_m, area_m, radius_m;
+    Vector3 at_m;
+    double share;  // of the disc
+  };
+  for (const Case& one :
+       {Case{0.2, 0.04, 0.005, {0, 0, 0}, 1.0}, Case{0.2, 0.04, 0.005, {0.001, 0, 0}, 1.0},
+        Case{0.2, 0.04, 0.003, {0, 0, 0}, 1.0}, Case{0.2, 0.04, 0.003, {0.001, 0.0005, 0}, 1.0},
+        Case{0.2, 0.1, 0.005, {0.05, 0.01, 0}, 0.5}, Case{0.1, 0.03, 0.005, {0, 0, 0}, 1.0},
+        Case{0.1, 0.03, 0.006, {0.001, 0.002, 0}, 1.0}, Case{0.1, 0.0, 0.006, {0.01, 0, 0}, 1.0}}) {
+    std::optional<RegionGeometry> area;
+    if (one.area_m > 0.0) {
+      area = BoxGeometry{.center_m = {0, 0, 0}, .size_m = {one.area_m, one.area_m, 0.01}};
+    }
+    SearchedSurface surface(pad_mesh(one.side_m, 0.05), area, one.radius_m);
+    const double area_m2 = one.area_m > 0.0 ? one.area_m * one.area_m : 0.04;
+    EXPECT_NEAR(surface.area_m2(), area_m2, 0.002 * area_m2);
+    surface.search(one.at_m);
+    const double disc_m2 = one.share * kPi * one.radius_m * one.radius_m;
+    EXPECT_NEAR(surface.searched_ratio() * surface.area_m2() / disc_m2, 1.0, 0.01)
+        << one.side_m << " " << one.area_m << " " << one.radius_m << " " << one.at_m.x();
+  }
+}
+
 TEST(KnownAnswers, OnlyTheAreaIsToBeSearched) {
   TaskConfig task = search();
   // half of the strip of 2 cm around y = 0

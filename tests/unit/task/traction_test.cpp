@@ -139,6 +139,14 @@ TEST(TractionTask, TearsAndSlipsAreCountedOnceEach) {
   EXPECT_EQ(slipping.traction->slips, 2U);
   EXPECT_EQ(slipping.traction->grips, 1U);
   EXPECT_THAT(findings_of(slipping), Contains("It slipped 2 times."));
+
+  // what sticks for a moment slips on
+  const TaskScore jerky = scored(9.0, [](double t_s) {
+    Tip tip = Lift()(t_s);
+    if (t_s >= 2.0 && t_s < 2.5 && std::fmod(t_s, 0.05) < 0.03) tip.grip = GripState::kSlips;
+    return tip;
+  });
+  EXPECT_EQ(jerky.traction->slips, 1U);
 }
 
 TEST(TractionTask, WhatWasTornBeforeTheStartIsNotOfTheTask) {

@@ -164,6 +164,45 @@ void add_layers(const Fields& fields, const SceneConfig& scene, NeedleTask& task
   }
 }
 
+/// How far along the direction a layer begins, from the origin of W.
+double begin_m(const Geometry& geometry, const Vector3& direction) {
+  struct Begin {
+    Vector3 direction;
+    double operator()(const HalfSpaceGeometry& shape) const { return shape.point_m.dot(direction); }
+    double operator()(const SphereGeometry& shape) const {
+      return shape.center_m.dot(direction) - shape.radius_m;
+    }
+    double operator()(const BoxGeometry& shape) const {
+      return shape.center_m.dot(direction) - 0.5 * shape.size_m.dot(direction.cwiseAbs());
+    }
+    double operator()(const CapsuleGeometry& shape) const {
+      return std::min(shape.from_m.dot(direction), shape.to_m.dot(direction)) - shape.radius_m;
+    }
+    double operator()(const FileGeometry& /*shape*/) const { return 0.0; }  // is refused
+  };
+  return std::visit(Begin{direction}, geometry);
+}
+
+/// A needle meets the layers one after the other.
+void check_order(const Fields& fields, const NeedleTask& task) {
+  for (std::size_t i = 0; i < task.layers.size(); ++i) {
+    const NeedleLayer& layer = task.layers[i];
+    const auto* const half = std::get_if<HalfSpaceGeometry>(&layer.geometry);
+    if (half != nullptr && !(half->normal.dot(task.direction) < 0.0)) {
+      fields.problem_at("layer", static_cast<int>(i),
+                        one_line(layer.name) + ": direction leads out of it; turn it round");
+      return;
+    }
+    if (i == 0) continue;
+    const NeedleLayer& before = task.layers[i - 1];
+    if (begin_m(layer.geometry, task.direction) < begin_m(before.geometry, task.direction)) {
+      fields.problem_at("layer", static_cast<int>(i),
+                        one_line(layer.name) + ": begins before " + one_line(before.name) +
+                            " on the way along direction; give the layers from outside");
+    }
+  }
+}
+
 NeedleTask to_needle(const Fields& fields, const SceneConfig& scene) {
   NeedleTask task;
   task.direction = fields.direction("direction");
@@ -171,6 +210,7 @@ NeedleTask to_needle(const Fields& fields, const SceneConfig& scene) {
   const bool has_membrane = fields.has_required("membrane");
   add_layers(fields, scene, task);
   if (task.layers.size() < fields.texts("layer").size() || task.layers.empty()) return task;
+  check_order(fields, task);
   const auto place_of = [&](const std::string& name) {
     return static_cast<std::size_t>(
         std::find_if(task.layers.begin(), task.layers.end(),
