@@ -72,6 +72,7 @@ async function reset_page(page) {
     for (const choice of ["#reset-view", "#colours [data-value=material]", "#windows [data-value='10']"]) document.querySelector(choice).click();
   });
 }
+const tones = (page) => page.locator("#banners p").evaluateAll((lines) => lines.map(({ dataset }) => dataset.tone));
 // Where the tool is, in pixels of the window.
 async function tool_on_screen(page) {
   const box = await page.locator("#canvas").boundingBox();
@@ -379,6 +380,8 @@ page_test("a session that has ended is no lost connection, until another begins"
   await server.close();
   await until(page, (t) => t.state.id === "ended", "the end");
   await until_text(page, "banners", /^The session has ended\.\s*verdict on the run: good\.$/);
+  assert.deepEqual(await tones(page), ["calm", "calm"]);
+  assert.deepEqual(await violations(page), []);
 
   server = await start_mock_server({ port });
   await until(page, (t) => t.is_connected && t.state.id !== "ended" && t.scene, "the connection");
@@ -618,6 +621,9 @@ page_test("without viewer.control no tissue can be changed and no device acknowl
   await page.keyboard.press("m");
   await until(page, () => server.world.requests.length === 2, "the marker of the key");
   await until_text(page, "banners", /Marked: marker 1/);
+  // which is no fault, and does not look like one
+  assert.deepEqual(await tones(page), ["calm"]);
+  assert.deepEqual(await violations(page), []);
   await page.getByRole("textbox", { name: /Text of the next marker/ }).fill("first cut");
   await page.keyboard.press("Enter");
   await until(page, (t) => t.events.some(({ text }) => text === "first cut"), "the marker with a text");
@@ -628,6 +634,7 @@ page_test("without viewer.control no tissue can be changed and no device acknowl
   await until(page, (t) => !t.recorder.isRecording, "its end");
   server.world.recorder = { ...server.world.recorder, problem: "disk full" };
   await until_text(page, "banners", /recording failed: disk full/);
+  assert.equal((await tones(page))[0], "alarm");
   assert.deepEqual(server.world.requests.map(({ marker, isRecording }) => marker ?? isRecording), ["", "", "first cut", true, false]);
 });
 
@@ -699,6 +706,29 @@ page_test("a task is done with the mouse: briefing, start, marks, stop, score in
   await until(page, (t) => t.task_map === null, "no map without a task that has ended");
 });
 
+page_test("what a task says itself is no banner; a marker in a task without marks is", {}, async (page) => {
+  await until_text(page, "banners", /^$/);
+  server.world.task = { ...kTask };
+  await page.evaluate(() => {
+    window.seen_banners = [];
+    new MutationObserver(() => window.seen_banners.push(document.getElementById("banners").textContent))
+      .observe(document.getElementById("banners"), { childList: true, characterData: true, subtree: true });
+  });
+  await page.getByRole("button", { name: "Start" }).click();
+  await page.getByRole("button", { name: "Mark a find (M)" }).click();
+  const said = page.locator("#task [role=status]");
+  await said.filter({ hasText: /^Mark 1 set\.$/ }).waitFor({ state: "attached" });
+  await page.getByRole("button", { name: "Stop" }).click();
+  await until_shown(page, "#task", /Score/);
+  assert.equal(server.world.markers.length, 3);
+  server.world.task = { ...kTask, kind: 0, phase: 1 };
+  await page.getByRole("button", { name: "Marker" }).click();
+  await until_text(page, "banners", /^Marked: marker 1$/);
+  assert.deepEqual(await tones(page), ["calm"]);
+  assert.deepEqual(await page.evaluate(() => window.seen_banners), ["Marked: marker 1"]);
+  server.world.task = undefined;
+});
+
 page_test("what was searched is seen on the organ", { page: kPicture }, async (page) => {
   await rest_tool_at(page, 0.02);
   server.world.task = { ...kTask, phase: 1 };
@@ -740,7 +770,7 @@ page_test("a task is done with the keyboard alone, and said to a screen reader",
   await page.keyboard.press("Escape");
   await until(page, (t) => !t.hand.is_held, "a hand that is released");
   await page.keyboard.press("m");
-  await said.filter({ hasText: "Find 1 marked." }).waitFor({ state: "attached" });
+  await said.filter({ hasText: "Mark 1 set." }).waitFor({ state: "attached" });
   await page.getByRole("button", { name: "Stop" }).focus();
   await page.keyboard.press(" ");
   await said.filter({ hasText: "The task has ended. Found 1 of 2." }).waitFor({ state: "attached" });
@@ -1275,6 +1305,14 @@ const kAxeStates = {
     server.world.markers = [{ atNs: 22000000000n, text: "first cut", origin: "page" }];
   },
   "a task that is running": () => { server.world.task = { ...kTask, phase: 1 }; },
+  "a task that is running, with a banner": () => {
+    server.world.task = { ...kTask, phase: 1 };
+    server.world.recorder = { ...server.world.recorder, problem: "disk full" };
+  },
+  "a task that has ended, with a banner": () => {
+    server.world.task = { ...kTask, phase: 2, findings: ["Found 1 of 2."], figures: [{ label: "time", value: "30.0 s" }] };
+    server.world.recorder = { ...server.world.recorder, problem: "disk full" };
+  },
   "a fault": () => { server.world.device = { phase: 5, deviceFaults: 1n, lastFault: 3 }; },
 };
 for (const [name, begin] of Object.entries(kAxeStates)) {
@@ -1283,7 +1321,8 @@ for (const [name, begin] of Object.entries(kAxeStates)) {
       begin();
       if (name === "a replay") await until(page, (t) => t.replay, "the replay");
       if (name === "a fault") await page.locator("#acknowledge button").waitFor();
-      if (server.world.task) await page.locator("#task-stop").waitFor();
+      if (server.world.task) await page.locator(server.world.task.phase === 1 ? "#task-stop" : "#task .findings li").waitFor();
+      if (server.world.recorder.problem) await until_text(page, "banners", /disk full/);
       assert.deepEqual(await violations(page), []);
       server.world.task = undefined;
     });

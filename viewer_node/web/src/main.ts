@@ -12,14 +12,14 @@ import { HandControl, type Led } from "./hand";
 import { Hints } from "./hints";
 import {
   announcement, banner_lines, by_id, Counters, lost_lines, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
-  write_session, write_state, write_tissues,
+  write_session, write_state, write_tissues, type Banner,
 } from "./panels";
 import { Plots, type ForceAxis } from "./plots";
 import { RecordingList } from "./recordings";
 import { RunControl } from "./run";
 import { SceneView } from "./scene/scene_view";
 import { Sides } from "./sides";
-import { forces_of, kNoForce, state_words, verdict_of } from "./state";
+import { forces_of, kNoForce, state_words, verdict_of, type Verdict } from "./state";
 import { floats_of, scene_signature, Surface, type ColourMode } from "./scene/surface";
 import { kNodes, norm, Telemetry, type NodeName } from "./telemetry";
 import { TaskPanel } from "./task";
@@ -39,7 +39,7 @@ const kServerSilence_s = 1.5; // /health comes five times a second
 const seconds = () => 1e-3 * performance.now();
 
 /** By side: the last word on a run, shown when its server has gone. */
-const verdicts = new Map<string, string>();
+const verdicts = new Map<string, Verdict>();
 
 let telemetry = new Telemetry(); // of the side on display
 const sides = new Sides(by_id("sides"), by_id("scene"), () => show_side());
@@ -84,7 +84,7 @@ let is_open = false;
 const begun_s = seconds();
 let has_been_connected = false;
 let refusal = ""; // why the last attempt to connect failed, if that is known
-let status = { text: "", until_s: -Infinity };
+let status: Banner & { until_s: number } = { text: "", tone: "calm", until_s: -Infinity };
 let map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null = null; // of a task that has ended
 let mesh_frames = 0;
 let mesh_cost_s = 0;
@@ -108,7 +108,7 @@ const handlers: Record<string, Handler> = {
       mark(event);
     }
     const verdict = verdict_of(message.message);
-    if (verdict) verdicts.set(verdict.side, verdict.words);
+    if (verdict) verdicts.set(verdict.side, verdict);
   },
   "/health": (message: Health) => {
     take_sides(message);
@@ -122,7 +122,7 @@ const handlers: Record<string, Handler> = {
       show_map();
     }
     const marker = run.take(message);
-    if (marker) status = { text: `Marked: ${marker}`, until_s: seconds() + kMarkerShown_s };
+    if (marker && !task.says(marker)) status = { text: `Marked: ${marker}`, tone: "calm", until_s: seconds() + kMarkerShown_s };
   },
 };
 
@@ -200,7 +200,7 @@ const client = new FoxgloveClient(
     status({ level, id, message }) {
       if (level < 1 || /(^|\.)hand$/.test(id ?? "")) return; // the hand's panel shows the holder
       const text = id === "send_buffer" ? "This page reads too slowly: messages are dropped." : `Server: ${message}`;
-      status = { text, until_s: seconds() + kStatusShown_s };
+      status = { text, tone: "alarm", until_s: seconds() + kStatusShown_s };
     },
   });
 
@@ -490,9 +490,8 @@ function say(now_s: number, display: View): void {
   for (const plot of plots.timed) plot.tell(display); // of the same tick as the state
   if (!is_paused) plots.loop.tell(display);
   chips.write(telemetry, scene, is_connected(), now_s);
-  const status_text = now_s < status.until_s ? status.text : "";
   const problems = sides.problems();
-  write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, problems, now_s));
+  write_banners(by_id("banners"), is_waiting ? [] : banners(problems, now_s));
   write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, problems, now_s));
   write_hand(hand.status, hand.is_touching);
   acknowledge.write(devices(now_s));
@@ -511,11 +510,10 @@ function devices(now_s: number): ShownDevice[] {
 }
 
 /** Failures of every side, whichever is on display. */
-function banners(status_text: string, problems_of_others: string[], now_s: number): string[] {
+function banners(problems_of_others: string[], now_s: number): Banner[] {
   if (!is_connected()) return lost_lines(has_been_connected ? server_silence_s() : NaN, [...verdicts.values()], refusal);
-  const shown_lines = banner_lines(telemetry, now_s).map((line) => (sides.shown ? `${sides.shown}: ${line}` : line));
-  const lines = [...shown_lines, ...problems_of_others];
-  return status_text ? [...lines, status_text] : lines;
+  const lines = [...banner_lines(telemetry, sides.shown, now_s), ...problems_of_others.map((text): Banner => ({ text, tone: "alarm" }))];
+  return now_s < status.until_s ? [...lines, status] : lines;
 }
 
 dress();

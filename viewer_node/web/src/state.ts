@@ -34,11 +34,17 @@ export function fault_words(telemetry: Telemetry): string {
 
 export const kNoForce: Vector3 = { x: 0, y: 0, z: 0 };
 
-/** The last word of a viewer's server, from a line of /log: "left: bad. device fault"; null: another line. */
-export function verdict_of(message: string): { side: string; words: string } | null {
+/** The last word of a viewer's server on a run. */
+export interface Verdict {
+  side: string;
+  words: string;
+  is_good: boolean;
+}
+/** From a line of /log: "left: bad. device fault"; null: another line. */
+export function verdict_of(message: string): Verdict | null {
   const [, side = "", grade, text] = /^event=verdict (?:side=(\S+) )?grade=(\w+) text="(.*)"$/.exec(message) ?? [];
   if (grade === undefined) return null;
-  return { side, words: `${side ? `${side}: ` : ""}verdict on the run: ${grade}${text ? `. ${text}` : ""}.` };
+  return { side, words: `${side ? `${side}: ` : ""}verdict on the run: ${grade}${text ? `. ${text}` : ""}.`, is_good: grade === "good" };
 }
 
 /** Requested and rendered force; null where the node that tells it is gone. */

@@ -5,12 +5,15 @@ import { make, write } from "./card";
 import { clock_words, has_marks } from "./run";
 import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskMap, type TaskState, type Traction } from "./wire";
 
+/** As the server words the markers of a start and of a stop. */
+const kMarkersOfTasks = ["task started", "task stopped"];
+
 /** What is said of a change; "" if nothing is. */
 export function task_news(before: TaskState | null, now: TaskState): string {
   if (!before || before.phase === now.phase) {
     if (before?.goal && now.goal && now.phase === TaskPhase.running) return traction_news(before.goal, now.goal);
     if (!before || now.phase !== TaskPhase.running || now.marks <= before.marks) return "";
-    return now.kind === TaskKind.palpation ? `Find ${now.marks} marked.` : now.kind === TaskKind.needle ? "Loss of resistance marked." : "";
+    return now.kind === TaskKind.palpation ? `Mark ${now.marks} set.` : now.kind === TaskKind.needle ? "Loss of resistance marked." : "";
   }
   if (now.phase === TaskPhase.running) return "The task has started.";
   return now.phase === TaskPhase.ended ? `The task has ended. ${now.findings.join(" ")}` : "";
@@ -50,6 +53,7 @@ const kTraceHeight = 80;
 /** The force over a whole task, its limit and the marks. */
 class ForceTrace {
   readonly element = make("figure", "trace");
+  is_known = false;
   private readonly drawing = document.createElementNS(kSvg, "svg");
   private readonly caption = make("figcaption");
 
@@ -62,6 +66,7 @@ class ForceTrace {
   }
 
   take({ mostNewton, slotS, marksS, limitNewton }: TaskMap): void {
+    this.is_known = true;
     const known = mostNewton.filter(Number.isFinite);
     const most = Math.max(0, ...known);
     const top = Math.max(0.5, 1.1 * limitNewton, most);
@@ -138,9 +143,16 @@ export class TaskPanel {
   /** Force over the time of the task. */
   set trace(map: TaskMap) {
     this.force.take(map);
+    this.force.element.hidden = !this.has_ended;
   }
   get has_ended(): boolean {
     return this.state?.phase === TaskPhase.ended;
+  }
+
+  /** Whether the panel itself tells of this marker. */
+  says(marker: string): boolean {
+    if (!this.state) return false;
+    return kMarkersOfTasks.includes(marker) || (this.state.phase === TaskPhase.running && has_marks(this.state.kind));
   }
 
   /** The person has found something, or is through. False: there is nothing to mark now. */
@@ -180,7 +192,9 @@ export class TaskPanel {
     this.find.hidden = !is_running || !has_marks(task.kind) || !may_act;
     write(this.find, task.kind === TaskKind.needle ? "The resistance is lost (M)" : "Mark a find (M)");
     this.stop.hidden = !is_running || !may_act;
-    this.findings.hidden = this.figures.hidden = this.force.element.hidden = !has_ended;
+    this.findings.hidden = this.figures.hidden = !has_ended;
+    this.force.is_known &&= has_ended;
+    this.force.element.hidden = !this.force.is_known;
     if (this.findings.childElementCount !== task.findings.length || this.findings.textContent !== task.findings.join("")) {
       this.findings.replaceChildren(...task.findings.map((finding) => make("li", "", finding)));
     }
