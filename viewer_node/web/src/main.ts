@@ -6,6 +6,7 @@ import { AcknowledgeControl, type ShownDevice } from "./acknowledge";
 import { make, write, type Palette, type View } from "./card";
 import { refusal_words } from "./connection";
 import { TissueControl } from "./control";
+import { Details } from "./details";
 import { Timeline, type SessionEvent } from "./events";
 import { FoxgloveClient, type Handler } from "./foxglove";
 import { HandControl, type Led } from "./hand";
@@ -25,7 +26,7 @@ import { kNodes, norm, Telemetry, type NodeName } from "./telemetry";
 import { TaskPanel } from "./task";
 import { TimelineCard } from "./timeline";
 import { MarkerKind } from "./wire";
-import type { DeviceTelemetry, Health, Lesion, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState, TaskMap } from "./wire";
+import type { DeviceTelemetry, Health, Lesion, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState, TaskMap, Vector3 } from "./wire";
 
 // About the time in which a curve moves by a pixel.
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
@@ -42,7 +43,7 @@ const seconds = () => 1e-3 * performance.now();
 const verdicts = new Map<string, Verdict>();
 
 let telemetry = new Telemetry(); // of the side on display
-const sides = new Sides(by_id("sides"), by_id("scene"), () => show_side());
+const sides = new Sides(by_id("sides"), by_id("picture"), () => show_side());
 const canvas = by_id<HTMLCanvasElement>("canvas");
 const view = new SceneView(canvas);
 by_id("no-webgl").hidden = view.can_draw;
@@ -64,6 +65,10 @@ const task = new TaskPanel(by_id("task"),
     if (request.markerKind === MarkerKind.task_start && hand.status.is_allowed) touch(true);
     return client.publish("/run_request", "palpate.v1.RunRequest", { ...request });
   });
+const details = new Details(by_id("details"), document.body, () => {
+  if (scene) write_session(scene, details.are_closed);
+  plots_due_s = words_due_s = 0;
+});
 const recordings = new RecordingList(by_id<HTMLDetailsElement>("recordings"), location.search);
 const counters = new Counters(by_id("plots"));
 const chips = new NodeChips(by_id("nodes"));
@@ -115,6 +120,7 @@ const handlers: Record<string, Handler> = {
     telemetry.take_health(message, seconds(), sides.shown);
     hand.review();
     task.take(message);
+    details.take(message.task !== undefined);
     view.set_goal(message.task?.goal ?? null);
     recordings.take(message.recorder);
     if (map && !task.has_ended) { // a replay that has gone back
@@ -235,7 +241,7 @@ function take_scene(message: SceneState): void {
   hand.review();
   control.set_scene(scene);
   write_hand(hand.status, hand.is_touching);
-  write_session(scene);
+  write_session(scene, details.are_closed);
   write_tissues(surfaces, mode);
   write_scale(view, mode);
   measure.write(view);
@@ -295,15 +301,22 @@ segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", 
 const strain_choice = by_id("colours").querySelector<HTMLButtonElement>("[data-value=strain]")!;
 strain_choice.hidden = true; // until an elastic body reports it
 
+/** As arrows; what is requested is one of the details. */
+function shown_forces({ requested, applied }: { requested: Vector3 | null; applied: Vector3 | null }): { requested: Vector3; applied: Vector3 } {
+  return { requested: (!details.are_closed && requested) || kNoForce, applied: applied ?? kNoForce };
+}
 function set_tools(): void {
-  const { requested, applied } = forces_of(telemetry, is_connected(), seconds());
-  view.set_tool(telemetry.tool_m, telemetry.tool_orientation, requested ?? kNoForce, applied ?? kNoForce, view.shown_side);
+  const { requested, applied } = shown_forces(forces_of(telemetry, is_connected(), seconds()));
+  view.set_tool(telemetry.tool_m, telemetry.tool_orientation, requested, applied, view.shown_side);
   if (sides.are_many) return; // see take_sides()
   sides.states.forEach((side, index) => {
     const { toolPositionWorldM: tool_m, toolOrientationWorld: turned } = side;
     if (index === sides.index || !tool_m || !turned) return;
     const is_known = is_connected() && sides.is_heard(side.name);
-    view.set_tool(tool_m, turned, (is_known && side.requestedForceOnHandNewton) || kNoForce, (is_known && side.forceOnHandNewton) || kNoForce, index);
+    const { requested, applied } = shown_forces({
+      requested: (is_known && side.requestedForceOnHandNewton) || null, applied: (is_known && side.forceOnHandNewton) || null,
+    });
+    view.set_tool(tool_m, turned, requested, applied, index);
   });
 }
 /** Of many sides those that are not on display are drawn as often as /health comes. */
@@ -328,7 +341,7 @@ function label_tools(): void {
 function pause(does: boolean): void {
   if (does) { // freeze all displays at the same instant
     set_tools();
-    write_state(telemetry, is_connected(), verdicts.size > 0, seconds());
+    write_state(telemetry, is_connected(), verdicts.size > 0, details.are_closed, seconds());
   }
   is_paused = does;
   paused_s = telemetry.now_s;
@@ -470,7 +483,7 @@ function picture(): void {
   was_fresh = fresh;
   if (now_s >= plots_due_s) {
     plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // on a slow machine the 3-D view has priority
-    for (const plot of plots.all) plot.draw(display);
+    if (!details.are_closed) for (const plot of plots.all) plot.draw(display);
     plot_draws += 1;
   }
   if (now_s >= words_due_s) {
@@ -486,7 +499,7 @@ function picture(): void {
 function say(now_s: number, display: View): void {
   // before the first connection, nothing is reported as lost
   const is_waiting = !has_been_connected && now_s < 2;
-  if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), verdicts.size > 0, now_s);
+  if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), verdicts.size > 0, details.are_closed, now_s);
   for (const plot of plots.timed) plot.tell(display); // of the same tick as the state
   if (!is_paused) plots.loop.tell(display);
   chips.write(telemetry, scene, is_connected(), now_s);

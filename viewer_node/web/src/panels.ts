@@ -4,7 +4,7 @@ import { make, write } from "./card";
 import { css_gradient, tissue_colour } from "./scene/colours";
 import type { HandStatus } from "./hand";
 import type { SceneView } from "./scene/scene_view";
-import { count_words, duration_words, fault_words, forces_of, gone_words, kNodeTasks, node_state, state_words, time_words, type Verdict } from "./state";
+import { count_words, duration_words, fault_words, forces_of, gone_words, kNodeTasks, node_state, plain_words, state_words, time_words, type Verdict } from "./state";
 import { kNodes, norm, type NodeName, type Telemetry } from "./telemetry";
 import type { ColourMode, Surface } from "./scene/surface";
 import { Guard, type SceneState } from "./wire";
@@ -133,8 +133,10 @@ export function write_banners(element: HTMLElement, lines: Banner[]): void {
   });
 }
 
-export function write_state(telemetry: Telemetry, is_connected: boolean, has_ended: boolean, now_s: number): void {
-  const words = state_words(telemetry, is_connected, now_s, has_ended);
+/** @param is_plain  without what renders the force */
+export function write_state(telemetry: Telemetry, is_connected: boolean, has_ended: boolean, is_plain: boolean, now_s: number): void {
+  const full = state_words(telemetry, is_connected, now_s, has_ended);
+  const words = is_plain ? plain_words(full, telemetry) : full;
   by_id("state").dataset.tone = words.tone;
   write(by_id("state-title"), words.title);
   write(by_id("state-detail"), words.detail);
@@ -364,10 +366,11 @@ export function telemetry_lost(telemetry: Telemetry): number {
   return kNodes.reduce((sum, name) => sum + telemetry.nodes[name].batches_lost + telemetry.nodes[name].records_lost, 0);
 }
 
-export function write_session(scene: SceneState): void {
+/** @param is_plain  without the name of the controller */
+export function write_session(scene: SceneState, is_plain: boolean): void {
   const name = make("b", "", scene.sessionName);
-  by_id("session").replaceChildren(name, scene.controller);
-  by_id("session").title = `${scene.sessionName}, ${scene.controller}`;
+  by_id("session").replaceChildren(name, is_plain ? "" : scene.controller);
+  by_id("session").title = is_plain ? scene.sessionName : `${scene.sessionName}, ${scene.controller}`;
   document.title = `${scene.sessionName} – Palpate`;
 }
 

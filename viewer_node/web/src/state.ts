@@ -106,6 +106,30 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
   }
 }
 
+/** The same for a person who is to notice the tissue, and not what renders its force: only that there is none. */
+export function plain_words(full: StateWords, telemetry: Telemetry): StateWords {
+  switch (full.id) {
+    case "no_mofc":
+    case "limp":
+      return { ...full, title: "No force", detail: "The motors apply no force." };
+    case "no_physics":
+    case "stale":
+      return { ...full, title: "No force", detail: "The tissue is not simulated: the force fades to zero." };
+    case "fallback":
+    case "clamped":
+    case "exhausted":
+      return telemetry.mofc_state === Mofc.contact
+        ? words("contact", "Contact", "You touch the tissue.", "active")
+        : words("free", "Free", "The tool touches nothing.", "calm");
+    case "contact":
+      return { ...full, detail: "You touch the tissue." };
+    case "free":
+      return { ...full, detail: "The tool touches nothing." };
+    default:
+      return full;
+  }
+}
+
 function words(id: string, title: string, detail: string, tone: Tone): StateWords {
   return { id, title, detail, tone };
 }

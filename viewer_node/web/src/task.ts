@@ -97,7 +97,8 @@ export class TaskPanel {
   private state: TaskState | null = null;
   private is_replay = false;
   private readonly title = make("h2");
-  private readonly briefing = make("p", "briefing");
+  private readonly briefing = make("details", "briefing"); // out of the way while the task runs on a phone
+  private readonly briefing_text = make("p");
   private readonly progress = make("p", "progress");
   private readonly news = make("p", "heard");
   private readonly start: HTMLButtonElement;
@@ -125,6 +126,7 @@ export class TaskPanel {
     const buttons = make("div", "buttons");
     buttons.append(this.start, this.find, this.stop);
     this.map_key.hidden = true;
+    this.briefing.append(make("summary", "", "What to do"), this.briefing_text);
     element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.map_key, this.force.element, this.figures, this.news);
   }
 
@@ -174,6 +176,7 @@ export class TaskPanel {
     const had_focus = this.element.contains(document.activeElement);
     const has_changed = this.state?.phase !== task.phase;
     this.state = task;
+    if (has_changed) this.place_briefing();
     this.write(task);
     if (has_changed && had_focus) this.focus();
   }
@@ -184,7 +187,7 @@ export class TaskPanel {
     const may_act = this.can_publish && !this.is_replay;
     this.element.dataset.phase = TaskPhase[task.phase];
     write(this.title, has_ended ? "Score" : is_running ? "Task" : "Your task");
-    write(this.briefing, task.briefing);
+    write(this.briefing_text, task.briefing);
     this.briefing.hidden = has_ended || task.briefing === "";
     write(this.progress, is_running ? time_words(task) + progress_words(task) : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
     this.progress.hidden = has_ended || this.progress.textContent === "";
@@ -205,6 +208,13 @@ export class TaskPanel {
         return line;
       }));
     }
+  }
+
+  /** Before the start it is read, then at hand below the buttons. */
+  private place_briefing(): void {
+    const is_running = this.state?.phase === TaskPhase.running;
+    (is_running ? this.findings : this.progress).before(this.briefing);
+    this.briefing.open = !is_running || !matchMedia("(max-width: 600px)").matches;
   }
 
   /** Keeps the keyboard where the button was that has gone. */
