@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // task.ts: the task of a session for the person who does it: what is to be done, start, marks, stop,
 // score. In plain words; all of it by keyboard, and said to a screen reader.
-import { make, write } from "./card";
-import { clock_words, has_marks } from "./run";
-import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskMap, type TaskState, type Traction } from "./wire";
+import { make, write } from "../card";
+import { clock_words, has_marks } from "../run";
+import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskMap, type TaskState, type Traction } from "../wire";
 
 /** As the server words the markers of a start and of a stop. */
 const kMarkersOfTasks = ["task started", "task stopped"];
