@@ -158,7 +158,7 @@ std::string result_of(const json& task, const json& score) {
   if (!findings.is_array() && !findings.is_null()) throw NotUnderstood{"findings is no list"};
   for (const json& finding : findings) {
     if (!finding.is_string()) throw NotUnderstood{"findings has more than sentences"};
-    const std::string sentence = one_line(finding.get_ref<const std::string&>());
+    std::string sentence = one_line(finding.get_ref<const std::string&>());
     if (sentence.find("measurements") == std::string::npos) return sentence;
   }
   return "";
