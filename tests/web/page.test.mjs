@@ -70,8 +70,11 @@ async function reset_page(page) {
   await until(page, (t) => t.is_connected && !t.hand.is_held && !t.hand.is_mine && !t.hand.is_others && Object.values(t.nodes).every(({ is_alive }) => is_alive), "a free hand and three nodes");
   await page.evaluate(() => {
     for (const choice of ["#reset-view", "#colours [data-value=material]", "#windows [data-value='10']"]) document.querySelector(choice).click();
+    const details = document.getElementById("details");
+    if (details.getAttribute("aria-expanded") === "true") details.click();
   });
 }
+const tones = (page) => page.locator("#banners p").evaluateAll((lines) => lines.map(({ dataset }) => dataset.tone));
 // Where the tool is, in pixels of the window.
 async function tool_on_screen(page) {
   const box = await page.locator("#canvas").boundingBox();
@@ -379,6 +382,8 @@ page_test("a session that has ended is no lost connection, until another begins"
   await server.close();
   await until(page, (t) => t.state.id === "ended", "the end");
   await until_text(page, "banners", /^The session has ended\.\s*verdict on the run: good\.$/);
+  assert.deepEqual(await tones(page), ["calm", "calm"]);
+  assert.deepEqual(await violations(page), []);
 
   server = await start_mock_server({ port });
   await until(page, (t) => t.is_connected && t.state.id !== "ended" && t.scene, "the connection");
@@ -618,6 +623,9 @@ page_test("without viewer.control no tissue can be changed and no device acknowl
   await page.keyboard.press("m");
   await until(page, () => server.world.requests.length === 2, "the marker of the key");
   await until_text(page, "banners", /Marked: marker 1/);
+  // which is no fault, and does not look like one
+  assert.deepEqual(await tones(page), ["calm"]);
+  assert.deepEqual(await violations(page), []);
   await page.getByRole("textbox", { name: /Text of the next marker/ }).fill("first cut");
   await page.keyboard.press("Enter");
   await until(page, (t) => t.events.some(({ text }) => text === "first cut"), "the marker with a text");
@@ -628,6 +636,7 @@ page_test("without viewer.control no tissue can be changed and no device acknowl
   await until(page, (t) => !t.recorder.isRecording, "its end");
   server.world.recorder = { ...server.world.recorder, problem: "disk full" };
   await until_text(page, "banners", /recording failed: disk full/);
+  assert.equal((await tones(page))[0], "alarm");
   assert.deepEqual(server.world.requests.map(({ marker, isRecording }) => marker ?? isRecording), ["", "", "first cut", true, false]);
 });
 
@@ -699,6 +708,29 @@ page_test("a task is done with the mouse: briefing, start, marks, stop, score in
   await until(page, (t) => t.task_map === null, "no map without a task that has ended");
 });
 
+page_test("what a task says itself is no banner; a marker in a task without marks is", {}, async (page) => {
+  await until_text(page, "banners", /^$/);
+  server.world.task = { ...kTask };
+  await page.evaluate(() => {
+    window.seen_banners = [];
+    new MutationObserver(() => window.seen_banners.push(document.getElementById("banners").textContent))
+      .observe(document.getElementById("banners"), { childList: true, characterData: true, subtree: true });
+  });
+  await page.getByRole("button", { name: "Start" }).click();
+  await page.getByRole("button", { name: "Mark a find (M)" }).click();
+  const said = page.locator("#task [role=status]");
+  await said.filter({ hasText: /^Mark 1 set\.$/ }).waitFor({ state: "attached" });
+  await page.getByRole("button", { name: "Stop" }).click();
+  await until_shown(page, "#task", /Score/);
+  assert.equal(server.world.markers.length, 3);
+  server.world.task = { ...kTask, kind: 0, phase: 1 };
+  await page.getByRole("button", { name: "Marker" }).click();
+  await until_text(page, "banners", /^Marked: marker 1$/);
+  assert.deepEqual(await tones(page), ["calm"]);
+  assert.deepEqual(await page.evaluate(() => window.seen_banners), ["Marked: marker 1"]);
+  server.world.task = undefined;
+});
+
 page_test("what was searched is seen on the organ", { page: kPicture }, async (page) => {
   await rest_tool_at(page, 0.02);
   server.world.task = { ...kTask, phase: 1 };
@@ -740,7 +772,7 @@ page_test("a task is done with the keyboard alone, and said to a screen reader",
   await page.keyboard.press("Escape");
   await until(page, (t) => !t.hand.is_held, "a hand that is released");
   await page.keyboard.press("m");
-  await said.filter({ hasText: "Find 1 marked." }).waitFor({ state: "attached" });
+  await said.filter({ hasText: "Mark 1 set." }).waitFor({ state: "attached" });
   await page.getByRole("button", { name: "Stop" }).focus();
   await page.keyboard.press(" ");
   await said.filter({ hasText: "The task has ended. Found 1 of 2." }).waitFor({ state: "attached" });
@@ -748,6 +780,100 @@ page_test("a task is done with the keyboard alone, and said to a screen reader",
   await page.keyboard.press("m"); // nothing is marked after the end
   assert.equal(server.world.task.marks, 1);
   server.world.task = undefined;
+});
+
+const until_closed = (page) => page.locator("body.is-plain").waitFor();
+const all_text = (page) => page.evaluate(() => document.body.innerText);
+const kExperts = /mofc|guard|fallback|requested|bound|ledger|transparency|lateness|credit|clamp|Events|Since the start/i;
+
+page_test("with a task what experts read waits behind Details: by mouse and keyboard, remembered", {}, async (page) => {
+  await until_shown(page, "#session", /^mock\s*mofc guard$/);
+  const details = page.getByRole("button", { name: "Details" });
+  assert.equal(await details.count(), 0); // without a task all is shown
+  assert.match(await all_text(page), /ledger/i);
+  server.world.task = { ...kTask };
+  await until_closed(page);
+  assert.doesNotMatch(await all_text(page), kExperts);
+  assert.doesNotMatch(await page.locator("#session").getAttribute("title"), /mofc|guard/);
+  assert.equal(await details.getAttribute("aria-expanded"), "false");
+  assert.equal(await page.locator("#plots").isVisible(), false);
+
+  await details.focus();
+  await page.keyboard.press("Enter");
+  await page.locator("#plots").waitFor();
+  await until_shown(page, "#session", /^mock\s*mofc guard$/);
+  assert.equal(await details.getAttribute("aria-expanded"), "true");
+  const { plots, now_s } = await status(page);
+  await until(page, (t) => t.now_s > now_s + 1 && t.plots.lateness_total > plots.lateness_total, "plots that go on");
+  assert.deepEqual(await violations(page), []);
+  await page.reload();
+  await page.locator("#plots").waitFor();
+  await until_shown(page, "#session", /^mock\s*mofc guard$/);
+
+  await details.click();
+  await until_closed(page);
+  await page.reload();
+  await until_closed(page);
+  await until(page, (t) => t.scene && t.device_ticks > 0, "the scene");
+  assert.doesNotMatch(await all_text(page), kExperts);
+  server.world.task = undefined;
+  await page.locator("#plots").waitFor(); // as without a task from the beginning
+  await until_shown(page, "#session", /^mock\s*mofc guard$/);
+});
+
+page_test("with details closed a clamped force is a contact; faults, no force and lost nodes are told", {}, async (page) => {
+  server.world.task = { ...kTask, phase: 1 };
+  await until_closed(page);
+  await rest_tool_at(page, -0.004);
+  await until(page, (t) => t.state.id === "clamped" || t.state.id === "exhausted", "a clamped force");
+  await until_text(page, "state-title", /^Contact$/);
+  assert.doesNotMatch(await all_text(page), kExperts);
+  server.world.alive.physics = false;
+  await until_text(page, "state-title", /^No force$/);
+  await until_text(page, "banners", /physics_node \(the tissue\) is gone/);
+  server.world.alive.physics = true;
+  await until_text(page, "banners", /^$/);
+  server.world.alive.mofc = false;
+  await until_text(page, "state-title", /^No force$/);
+  server.world.alive.mofc = true;
+  server.world.device = { phase: 5, deviceFaults: 1n, lastFault: 3 };
+  await until_text(page, "state-title", /^Contact$/);
+  server.world.task = undefined;
+});
+
+page_test("a running task on a phone: the organ has 45 % of the height, and what one needs is above the fold", { page: { width: 390, height: 844, touch: true } }, async (page) => {
+  const within = async (selector) => {
+    const { x, y, width, height } = await page.locator(selector).boundingBox();
+    assert.ok(x >= 0 && y >= 0 && x + width <= 390 && y + height <= 844, `${selector}: ${x}, ${y}, ${width} × ${height}`);
+    return { x, y, width, height };
+  };
+  for (const kind of [1, 2, 3]) {
+    const goal = kind === 3 ? { targetM: { x: 0, y: 0, z: 0.02 }, toleranceM: 0.004, holdS: 5, heldS: 0, isHolding: false, isAtTarget: false } : undefined;
+    server.world.task = { ...kTask, kind, goal, phase: 1, briefing: "Press firmly, place by place. ".repeat(12) };
+    await page.locator("#task-stop").waitFor();
+    await until_closed(page);
+    await page.locator("#task-find").waitFor({ state: kind === 3 ? "hidden" : "visible" });
+    await until(page, (t) => t.hand.is_allowed, "the hand");
+    await drawn(page);
+    assert.equal(await page.evaluate(() => scrollY), 0);
+    const organ = await within("#canvas");
+    assert.ok(organ.height >= 0.45 * 844, `the organ has ${organ.height} px`);
+    for (const one of kind === 3 ? ["#task .progress", "#task-stop", "#touch-toggle"] : ["#task .progress", "#task-find", "#task-stop", "#touch-toggle"]) await within(one);
+    // no card lies on the organ
+    for (const card of ["#state", "#touch"]) {
+      const box = await page.locator(card).boundingBox();
+      assert.ok(box.y + box.height <= organ.y + 0.5 || box.y >= organ.y + organ.height - 0.5, `${card} covers the organ`);
+    }
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth));
+    assert.deepEqual(await violations(page), []);
+    // the briefing can be read again
+    assert.equal(await page.locator("#task .briefing p").isVisible(), false);
+    await page.locator("#task summary").click();
+    await page.locator("#task .briefing p").waitFor();
+    for (const one of ["#task .progress", "#task-stop"]) await within(one);
+    server.world.task = undefined;
+    await page.locator("#task").waitFor({ state: "hidden" });
+  }
 });
 
 page_test("a task fits a phone, and its buttons a finger", { page: { width: 390, height: 844, touch: true } }, async (page) => {
@@ -877,6 +1003,7 @@ for (const dark of [false, true]) {
     server.world.recorder = { ...server.world.recorder, problem: "disk full" };
     server.world.task = { ...kTask, phase: 2, findings: ["Found 1 of 2."], figures: [{ label: "time", value: "30.0 s" }] };
     await until(page, (t) => t.replay && t.events.length > 1, "all there is to read");
+    await page.getByRole("button", { name: "Details" }).click();
     const poor = [];
     for (const alive of [true, false]) {
       server.world.alive.physics = alive;
@@ -889,7 +1016,12 @@ for (const dark of [false, true]) {
       server.world.task = { ...kTask, phase: 1 };
       await page.locator("#replay").waitFor({ state: "hidden" });
     }
+    await page.getByRole("button", { name: "Details" }).click();
+    await until_closed(page);
+    await drawn(page);
+    poor.push(...(await page.evaluate(contrasts)).filter(({ contrast }) => !(contrast >= 4.5)));
     assert.deepEqual(poor, []);
+    server.world.task = undefined;
   });
 }
 // Of each visible text: its contrast by WCAG 2.2 against the worst of what may lie behind it.
@@ -1275,15 +1407,28 @@ const kAxeStates = {
     server.world.markers = [{ atNs: 22000000000n, text: "first cut", origin: "page" }];
   },
   "a task that is running": () => { server.world.task = { ...kTask, phase: 1 }; },
+  "a task that is running, with its details": async (page) => {
+    server.world.task = { ...kTask, phase: 1 };
+    await page.getByRole("button", { name: "Details" }).click();
+  },
+  "a task that is running, with a banner": () => {
+    server.world.task = { ...kTask, phase: 1 };
+    server.world.recorder = { ...server.world.recorder, problem: "disk full" };
+  },
+  "a task that has ended, with a banner": () => {
+    server.world.task = { ...kTask, phase: 2, findings: ["Found 1 of 2."], figures: [{ label: "time", value: "30.0 s" }] };
+    server.world.recorder = { ...server.world.recorder, problem: "disk full" };
+  },
   "a fault": () => { server.world.device = { phase: 5, deviceFaults: 1n, lastFault: 3 }; },
 };
 for (const [name, begin] of Object.entries(kAxeStates)) {
   for (const dark of [false, true]) {
     page_test(`axe-core has no objection to ${name}, ${dark ? "dark" : "light"}`, { world: { has_control: true }, page: { dark } }, async (page) => {
-      begin();
+      await begin(page);
       if (name === "a replay") await until(page, (t) => t.replay, "the replay");
       if (name === "a fault") await page.locator("#acknowledge button").waitFor();
-      if (server.world.task) await page.locator("#task-stop").waitFor();
+      if (server.world.task) await page.locator(server.world.task.phase === 1 ? "#task-stop" : "#task .findings li").waitFor();
+      if (server.world.recorder.problem) await until_text(page, "banners", /disk full/);
       assert.deepEqual(await violations(page), []);
       server.world.task = undefined;
     });

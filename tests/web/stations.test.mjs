@@ -18,6 +18,9 @@ let browser;
 before(async () => { if (!kLimit.skip) browser = await launch(); });
 after(async () => { await browser?.close(); });
 
+// longer than a terminal's line has room for
+const kResult = `You got through <b>ligamentum flavum</b>. The tip went 3 mm behind ${"it ".repeat(20)}and no further.`;
+
 /** A viewer_node, as far as it is asked. */
 async function station(task) {
   const made = { task };
@@ -29,8 +32,9 @@ async function station(task) {
 
 test("a teacher's page tells of each station, and follows it", kLimit, async () => {
   const anna = await station({ phase: "running", elapsed_s: 12, marks: 1, findings: [] });
-  const ben = await station({ phase: "ended", elapsed_s: 61.4, marks: 2, findings: ["Found 1 of 1 <b>lump</b>."], score: { coverage_ratio: 0.934, force: { most_n: 2.125 } } });
-  const program = spawn(join(bin, "palpate"), ["stations", "--web-port", "0", `anna=${anna.url}`, `ben=${ben.url}`, "gone=http://127.0.0.1:1/"], { stdio: ["ignore", "pipe", "inherit"] });
+  const ben = await station({ phase: "ended", elapsed_s: 61.4, marks: 2, findings: ["0.2 % of the measurements are missing: the score covers the rest.", kResult], score: { coverage_ratio: 0.934, missing_ratio: 0.002, force: { most_n: 2.125 } } });
+  const carl = await station({ phase: 3 });
+  const program = spawn(join(bin, "palpate"), ["stations", "--web-port", "0", `anna=${anna.url}`, `ben=${ben.url}`, `carl=${carl.url}`, "gone=http://127.0.0.1:1/"], { stdio: ["ignore", "pipe", "inherit"] });
   try {
     program.stdout.setEncoding("utf8");
     const [first] = await once(program.stdout, "data");
@@ -38,18 +42,19 @@ test("a teacher's page tells of each station, and follows it", kLimit, async () 
     for (const dark of [false, true]) {
       const page = await open(browser, url, { width: 390, height: 844, dark, wait: false });
       const cells = (row) => page.locator("#stations tr").nth(row).locator("td").allTextContents();
-      await page.locator("#stations tr").nth(2).waitFor();
-      assert.deepEqual(await page.locator("#stations th").allTextContents(), ["anna", "ben", "gone"]);
+      await page.locator("#stations tr").nth(3).waitFor();
+      assert.deepEqual(await page.locator("#stations th").allTextContents(), ["anna", "ben", "carl", "gone"]);
       assert.deepEqual((await cells(0)).slice(0, 3), [dark ? "ended" : "running", "12", "1"]);
-      assert.deepEqual(await cells(1), ["ended", "61", "2", "93", "2.12", "Found 1 of 1 <b>lump</b>."]);
-      assert.equal((await cells(2))[0], "absent");
-      assert.match((await cells(2))[5], /cannot be reached/);
+      assert.deepEqual(await cells(1), ["ended", "61", "2", "93", "2.12", "0.2", kResult]);
+      assert.deepEqual(await cells(2), ["not understood", "", "", "", "", "", "phase is no word"]);
+      assert.equal((await cells(3))[0], "absent");
+      assert.match((await cells(3))[6], /cannot be reached/);
       assert.deepEqual(page.problems, []);
       assert.deepEqual(await violations(page), []);
       assert.equal(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), true, "the table scrolls, not the page");
       if (!dark) {
         anna.task.phase = "ended";
-        await page.getByText("3 stations: 2 ended, 1 absent").waitFor();
+        await page.getByText("4 stations: 2 ended, 1 not understood, 1 absent").waitFor();
       } else {
         program.kill("SIGTERM");
         await once(program, "exit");
@@ -62,5 +67,6 @@ test("a teacher's page tells of each station, and follows it", kLimit, async () 
     program.kill("SIGTERM");
     anna.server.close();
     ben.server.close();
+    carl.server.close();
   }
 });

@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <utility>
 
@@ -28,8 +29,8 @@ using boost::system::error_code;
 using nlohmann::json;
 
 constexpr std::uint64_t kMostBytes = 1 << 20;
-constexpr std::size_t kMostNews = 60;
-constexpr double kMostShown = 1e6;  // of a number
+constexpr std::size_t kMostNews = 60;  // characters in a terminal
+constexpr double kMostShown = 1e6;     // of a number
 
 /// One question to one station.
 class Question : public std::enable_shared_from_this<Question> {
@@ -71,7 +72,9 @@ class Question : public std::enable_shared_from_this<Question> {
                       });
   }
   void take(const http::response<http::string_body>& response) {
-    if (response.result() == http::status::unauthorized) return fail("needs its ?token=…");
+    if (response.result() == http::status::unauthorized) {
+      return fail(station_.token.empty() ? "needs its ?token=…" : "its token is another one");
+    }
     if (response.result() != http::status::ok) {
       return fail("answers " + std::to_string(response.result_int()));
     }
@@ -97,6 +100,7 @@ struct Line {
   std::string marks;
   std::string coverage;
   std::string force;
+  std::string missing;  ///< share of the measurements, in percent
   std::string news;
 };
 
@@ -107,38 +111,103 @@ const json& member(const json& from, const char* key) {
   return value == from.end() ? kNothing : *value;
 }
 
-std::string number_text(const json& value, const char* form, double scale = 1.0) {
-  if (!value.is_number()) return "";
+/// Thrown where a station says what no viewer_node says.
+struct NotUnderstood {
+  std::string reason;
+};
+
+/// Empty: null, or not said.
+std::string number_text(const json& from, const char* key, const char* form, double scale = 1.0) {
+  const json& value = member(from, key);
+  if (value.is_null()) return "";
+  if (!value.is_number()) throw NotUnderstood{fmt::format("{} is no number", key)};
   const double number = scale * value.get<double>();
-  return std::abs(number) < kMostShown ? fmt::format(fmt::runtime(form), number) : "";
+  if (!(std::abs(number) < kMostShown)) throw NotUnderstood{fmt::format("{} is too large", key)};
+  return fmt::format(fmt::runtime(form), number);
+}
+
+/// Null: not said.
+const json& object(const json& from, const char* key) {
+  const json& value = member(from, key);
+  if (!value.is_object() && !value.is_null()) {
+    throw NotUnderstood{fmt::format("{} is no object", key)};
+  }
+  return value;
+}
+
+std::string phase_of(const json& task) {
+  constexpr std::array<const char*, 3> kPhases{"waiting", "running", "ended"};
+  const json& phase = member(task, "phase");
+  if (!phase.is_string()) throw NotUnderstood{"phase is no word"};
+  const auto& word = phase.get_ref<const std::string&>();
+  if (std::find(kPhases.begin(), kPhases.end(), word) == kPhases.end()) {
+    throw NotUnderstood{fmt::format("phase is \"{}\"", one_line(word))};
+  }
+  return word;
+}
+
+/// What was found where lesions were searched, else the first sentence that is about the task, not
+/// about its measurements. Empty: nothing is said yet.
+std::string result_of(const json& task, const json& score) {
+  const json& targets = member(score, "targets");
+  const json& found = member(score, "found");
+  if (targets.is_array() && !targets.empty() && found.is_number_unsigned()) {
+    return fmt::format("Found {} of {}.", found.get<std::uint64_t>(), targets.size());
+  }
+  const json& findings = member(task, "findings");
+  if (!findings.is_array() && !findings.is_null()) throw NotUnderstood{"findings is no list"};
+  for (const json& finding : findings) {
+    if (!finding.is_string()) throw NotUnderstood{"findings has more than sentences"};
+    std::string sentence = one_line(finding.get_ref<const std::string&>());
+    if (sentence.find("measurements") == std::string::npos) return sentence;
+  }
+  return "";
+}
+
+Line line_of_task(const json& task) {
+  const json& score = object(task, "score");
+  return {.state = phase_of(task),
+          .time = number_text(task, "elapsed_s", "{:.0f}"),
+          .marks = number_text(task, "marks", "{:.0f}"),
+          .coverage = number_text(score, "coverage_ratio", "{:.0f}", 100.0),
+          .force = number_text(object(score, "force"), "most_n", "{:.2f}"),
+          .missing = number_text(score, "missing_ratio", "{:.3g}", 100.0),
+          .news = result_of(task, score)};
 }
 
 /// A station of a stranger may say anything, in any type.
-std::string words(const json& value) {
-  return value.is_string() ? one_line(value.get<std::string>()) : "";
-}
-
 Line line_of(const StationAnswer& answer) {
   Line line;
-  if (!answer.task) {
-    line.state = "absent";
-    line.news = answer.problem;
-    return line;
+  try {
+    if (!answer.task) {
+      line.state = "absent";
+      line.news = answer.problem;
+    } else if (const json& task = object(*answer.task, "task"); task.is_null()) {
+      line.state = "no task";
+    } else {
+      line = line_of_task(task);
+    }
+  } catch (const NotUnderstood& what) {
+    line.state = "not understood";
+    line.news = what.reason;
   }
-  const json& task = (*answer.task)["task"];
-  if (!task.is_object()) {
-    line.state = "no task";
-    return line;
-  }
-  line.state = words(member(task, "phase"));
-  line.time = number_text(member(task, "elapsed_s"), "{:.0f}");
-  line.marks = number_text(member(task, "marks"), "{:.0f}");
-  const json& score = member(task, "score");
-  line.coverage = number_text(member(score, "coverage_ratio"), "{:.0f}", 100.0);
-  line.force = number_text(member(member(score, "force"), "most_n"), "{:.2f}");
-  const json& findings = member(task, "findings");
-  if (findings.is_array() && !findings.empty()) line.news = words(findings[0]).substr(0, kMostNews);
   return line;
+}
+
+/// Of a terminal's line: at most kMostNews characters, cut between words.
+std::string shortened(const std::string& text) {
+  const auto is_begin = [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; };
+  std::size_t characters = 0;
+  std::size_t end = 0;  // of the last word that leaves room for the ellipsis
+  std::size_t cut = 0;  // where there is no such word
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (!is_begin(text[i])) continue;
+    if (text[i] == ' ' && characters < kMostNews) end = i;
+    if (characters + 1 == kMostNews) cut = i;
+    ++characters;
+  }
+  if (characters <= kMostNews) return text;
+  return text.substr(0, end > 0 ? end : cut) + "…";
 }
 
 }  // namespace
@@ -189,25 +258,37 @@ std::vector<StationAnswer> ask(const std::vector<Station>& stations, Duration pa
 
 std::string stations_text(const std::vector<Station>& stations,
                           const std::vector<StationAnswer>& answers) {
+  std::vector<Line> lines;
   std::size_t width = 7;
-  for (const Station& one : stations) width = std::max(width, one.name.size());
-  std::string text = fmt::format("{:<{}}  {:<8} {:>6} {:>6} {:>8} {:>7}  {}\n", "station", width,
-                                 "task", "time s", "marks", "cover %", "Fmax N", "score");
+  std::size_t state_width = 8;
   for (std::size_t i = 0; i < stations.size(); ++i) {
-    const Line line = line_of(answers[i]);
-    text += fmt::format("{:<{}}  {:<8} {:>6} {:>6} {:>8} {:>7}  {}\n", stations[i].name, width,
-                        line.state, line.time, line.marks, line.coverage, line.force, line.news);
+    lines.push_back(line_of(answers[i]));
+    width = std::max(width, stations[i].name.size());
+    state_width = std::max(state_width, lines.back().state.size());
+  }
+  const auto row = [&](const std::string& name, const Line& line) {
+    return fmt::format("{:<{}}  {:<{}} {:>6} {:>6} {:>8} {:>7} {:>6}  {}\n", name, width,
+                       line.state, state_width, line.time, line.marks, line.coverage, line.force,
+                       line.missing, line.news);
+  };
+  std::string text =
+      row("station", {"task", "time s", "marks", "cover %", "Fmax N", "lost %", "result"});
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    lines[i].news = shortened(lines[i].news);
+    text += row(stations[i].name, lines[i]);
   }
   return text;
 }
 
 std::string stations_csv(const std::vector<Station>& stations,
                          const std::vector<StationAnswer>& answers) {
-  std::string csv = "station,state,time_s,marks,coverage_percent,force_most_n,news\n";
+  std::string csv =
+      "station,state,time_s,marks,coverage_percent,force_most_n,missing_percent,news\n";
   for (std::size_t i = 0; i < stations.size(); ++i) {
     const Line line = line_of(answers[i]);
-    csv += fmt::format("{},{},{},{},{},{},{}\n", csv_cell(stations[i].name), csv_cell(line.state),
-                       line.time, line.marks, line.coverage, line.force, csv_cell(line.news));
+    csv += fmt::format("{},{},{},{},{},{},{},{}\n", csv_cell(stations[i].name),
+                       csv_cell(line.state), line.time, line.marks, line.coverage, line.force,
+                       line.missing, csv_cell(line.news));
   }
   return csv;
 }
@@ -217,9 +298,10 @@ std::string stations_json(const std::vector<Station>& stations,
   json rows = json::array();
   for (std::size_t i = 0; i < stations.size(); ++i) {
     const Line line = line_of(answers[i]);
-    rows.push_back({{"name", stations[i].name},
-                    {"state", line.state},
-                    {"cells", {line.time, line.marks, line.coverage, line.force, line.news}}});
+    rows.push_back(
+        {{"name", stations[i].name},
+         {"state", line.state},
+         {"cells", {line.time, line.marks, line.coverage, line.force, line.missing, line.news}}});
   }
   return json{{"stations", rows}}.dump(-1, ' ', false, json::error_handler_t::replace);
 }

@@ -33,13 +33,13 @@ struct StationAnswer {
 [[nodiscard]] std::vector<StationAnswer> ask(const std::vector<Station>& stations,
                                              Duration patience);
 
-/// One line a station.
+/// One line a station; a long result is cut between words.
 [[nodiscard]] std::string stations_text(const std::vector<Station>& stations,
                                         const std::vector<StationAnswer>& answers);
 /// One row a station. An unknown value is empty.
 [[nodiscard]] std::string stations_csv(const std::vector<Station>& stations,
                                        const std::vector<StationAnswer>& answers);
-/// {"stations": [{"name": …, "state": …, "cells": [time, marks, coverage, force, news]}]}
+/// {"stations": [{"name": …, "state": …, "cells": [time, marks, coverage, force, missing, news]}]}
 [[nodiscard]] std::string stations_json(const std::vector<Station>& stations,
                                         const std::vector<StationAnswer>& answers);
 

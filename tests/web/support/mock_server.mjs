@@ -411,7 +411,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     if (marker !== undefined && world.task) change_task(markerKind);
     if (isRecording !== undefined) world.recorder = { ...world.recorder, isRecording, file: "mock.mcap", lengthS: 0 };
     if (marker !== undefined) {
-      const text = marker || "marker 1";
+      const text = marker || ["marker 1", "task started", "task stopped"][markerKind ?? 0];
       write_log("run", `event=marker origin=page text="${text}"`);
       world.markers = [...world.markers, { atNs: BigInt(Date.now()) * 1000000n, text, origin: "page" }];
     }

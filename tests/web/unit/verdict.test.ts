@@ -8,15 +8,19 @@ import { Telemetry } from "../../../viewer_node/web/src/telemetry";
 
 test("the verdict of a run is told by side", () => {
   assert.equal(verdict_of("event=marker text=\"x\""), null);
-  assert.deepEqual(verdict_of('event=verdict grade=good text=""'), { side: "", words: "verdict on the run: good." });
+  assert.deepEqual(verdict_of('event=verdict grade=good text=""'), { side: "", words: "verdict on the run: good.", is_good: true });
   assert.deepEqual(verdict_of('event=verdict side=left grade=bad text="device fault: device gone; no contact"'),
-    { side: "left", words: "left: verdict on the run: bad. device fault: device gone; no contact." });
+    { side: "left", words: "left: verdict on the run: bad. device fault: device gone; no contact.", is_good: false });
 });
 
 test("a session that has ended is not a lost connection", () => {
-  const verdict = "verdict on the run: good.";
-  assert.deepEqual(lost_lines(0.9, [verdict]), ["The session has ended.", verdict]);
-  assert.match(lost_lines(0.9, [])[0], /lost 0\.9 s ago/);
+  const good = { side: "", words: "verdict on the run: good.", is_good: true };
+  const bad = { side: "", words: "verdict on the run: bad. device fault.", is_good: false };
+  assert.deepEqual(lost_lines(0.9, [good, bad], ""),
+    [{ text: "The session has ended.", tone: "calm" }, { text: good.words, tone: "calm" }, { text: bad.words, tone: "alarm" }]);
+  const [lost] = lost_lines(0.9, [], "");
+  assert.match(lost.text, /lost 0\.9 s ago/);
+  assert.equal(lost.tone, "alarm");
   assert.equal(state_words(new Telemetry(), false, 1, true).id, "ended");
   assert.equal(state_words(new Telemetry(), false, 1).id, "disconnected");
   assert.equal(state_words(new Telemetry(), true, 1, true).id, "waiting"); // another has begun

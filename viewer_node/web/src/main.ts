@@ -6,26 +6,27 @@ import { AcknowledgeControl, type ShownDevice } from "./acknowledge";
 import { make, write, type Palette, type View } from "./card";
 import { refusal_words } from "./connection";
 import { TissueControl } from "./control";
+import { Details } from "./task/details";
 import { Timeline, type SessionEvent } from "./events";
 import { FoxgloveClient, type Handler } from "./foxglove";
 import { HandControl, type Led } from "./hand";
 import { Hints } from "./hints";
 import {
   announcement, banner_lines, by_id, Counters, lost_lines, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
-  write_session, write_state, write_tissues,
+  write_session, write_state, write_tissues, type Banner,
 } from "./panels";
 import { Plots, type ForceAxis } from "./plots";
 import { RecordingList } from "./recordings";
 import { RunControl } from "./run";
 import { SceneView } from "./scene/scene_view";
 import { Sides } from "./sides";
-import { forces_of, kNoForce, state_words, verdict_of } from "./state";
+import { forces_of, kNoForce, state_words, verdict_of, type Verdict } from "./state";
 import { floats_of, scene_signature, Surface, type ColourMode } from "./scene/surface";
 import { kNodes, norm, Telemetry, type NodeName } from "./telemetry";
-import { TaskPanel } from "./task";
+import { TaskPanel } from "./task/task";
 import { TimelineCard } from "./timeline";
 import { MarkerKind } from "./wire";
-import type { DeviceTelemetry, Health, Lesion, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState, TaskMap } from "./wire";
+import type { DeviceTelemetry, Health, Lesion, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState, TaskMap, Vector3 } from "./wire";
 
 // About the time in which a curve moves by a pixel.
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
@@ -39,10 +40,10 @@ const kServerSilence_s = 1.5; // /health comes five times a second
 const seconds = () => 1e-3 * performance.now();
 
 /** By side: the last word on a run, shown when its server has gone. */
-const verdicts = new Map<string, string>();
+const verdicts = new Map<string, Verdict>();
 
 let telemetry = new Telemetry(); // of the side on display
-const sides = new Sides(by_id("sides"), by_id("scene"), () => show_side());
+const sides = new Sides(by_id("sides"), by_id("picture"), () => show_side());
 const canvas = by_id<HTMLCanvasElement>("canvas");
 const view = new SceneView(canvas);
 by_id("no-webgl").hidden = view.can_draw;
@@ -64,6 +65,10 @@ const task = new TaskPanel(by_id("task"),
     if (request.markerKind === MarkerKind.task_start && hand.status.is_allowed) touch(true);
     return client.publish("/run_request", "palpate.v1.RunRequest", { ...request });
   });
+const details = new Details(by_id("details"), document.body, () => {
+  if (scene) write_session(scene, details.are_closed);
+  plots_due_s = words_due_s = 0;
+});
 const recordings = new RecordingList(by_id<HTMLDetailsElement>("recordings"), location.search);
 const counters = new Counters(by_id("plots"));
 const chips = new NodeChips(by_id("nodes"));
@@ -84,7 +89,7 @@ let is_open = false;
 const begun_s = seconds();
 let has_been_connected = false;
 let refusal = ""; // why the last attempt to connect failed, if that is known
-let status = { text: "", until_s: -Infinity };
+let status: Banner & { until_s: number } = { text: "", tone: "calm", until_s: -Infinity };
 let map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null = null; // of a task that has ended
 let mesh_frames = 0;
 let mesh_cost_s = 0;
@@ -108,13 +113,14 @@ const handlers: Record<string, Handler> = {
       mark(event);
     }
     const verdict = verdict_of(message.message);
-    if (verdict) verdicts.set(verdict.side, verdict.words);
+    if (verdict) verdicts.set(verdict.side, verdict);
   },
   "/health": (message: Health) => {
     take_sides(message);
     telemetry.take_health(message, seconds(), sides.shown);
     hand.review();
     task.take(message);
+    details.take(message.task !== undefined);
     view.set_goal(message.task?.goal ?? null);
     recordings.take(message.recorder);
     if (map && !task.has_ended) { // a replay that has gone back
@@ -122,7 +128,7 @@ const handlers: Record<string, Handler> = {
       show_map();
     }
     const marker = run.take(message);
-    if (marker) status = { text: `Marked: ${marker}`, until_s: seconds() + kMarkerShown_s };
+    if (marker && !task.says(marker)) status = { text: `Marked: ${marker}`, tone: "calm", until_s: seconds() + kMarkerShown_s };
   },
 };
 
@@ -200,7 +206,7 @@ const client = new FoxgloveClient(
     status({ level, id, message }) {
       if (level < 1 || /(^|\.)hand$/.test(id ?? "")) return; // the hand's panel shows the holder
       const text = id === "send_buffer" ? "This page reads too slowly: messages are dropped." : `Server: ${message}`;
-      status = { text, until_s: seconds() + kStatusShown_s };
+      status = { text, tone: "alarm", until_s: seconds() + kStatusShown_s };
     },
   });
 
@@ -235,7 +241,7 @@ function take_scene(message: SceneState): void {
   hand.review();
   control.set_scene(scene);
   write_hand(hand.status, hand.is_touching);
-  write_session(scene);
+  write_session(scene, details.are_closed);
   write_tissues(surfaces, mode);
   write_scale(view, mode);
   measure.write(view);
@@ -295,15 +301,22 @@ segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", 
 const strain_choice = by_id("colours").querySelector<HTMLButtonElement>("[data-value=strain]")!;
 strain_choice.hidden = true; // until an elastic body reports it
 
+/** As arrows; what is requested is one of the details. */
+function shown_forces({ requested, applied }: { requested: Vector3 | null; applied: Vector3 | null }): { requested: Vector3; applied: Vector3 } {
+  return { requested: (!details.are_closed && requested) || kNoForce, applied: applied ?? kNoForce };
+}
 function set_tools(): void {
-  const { requested, applied } = forces_of(telemetry, is_connected(), seconds());
-  view.set_tool(telemetry.tool_m, telemetry.tool_orientation, requested ?? kNoForce, applied ?? kNoForce, view.shown_side);
+  const { requested, applied } = shown_forces(forces_of(telemetry, is_connected(), seconds()));
+  view.set_tool(telemetry.tool_m, telemetry.tool_orientation, requested, applied, view.shown_side);
   if (sides.are_many) return; // see take_sides()
   sides.states.forEach((side, index) => {
     const { toolPositionWorldM: tool_m, toolOrientationWorld: turned } = side;
     if (index === sides.index || !tool_m || !turned) return;
     const is_known = is_connected() && sides.is_heard(side.name);
-    view.set_tool(tool_m, turned, (is_known && side.requestedForceOnHandNewton) || kNoForce, (is_known && side.forceOnHandNewton) || kNoForce, index);
+    const { requested, applied } = shown_forces({
+      requested: (is_known && side.requestedForceOnHandNewton) || null, applied: (is_known && side.forceOnHandNewton) || null,
+    });
+    view.set_tool(tool_m, turned, requested, applied, index);
   });
 }
 /** Of many sides those that are not on display are drawn as often as /health comes. */
@@ -328,7 +341,7 @@ function label_tools(): void {
 function pause(does: boolean): void {
   if (does) { // freeze all displays at the same instant
     set_tools();
-    write_state(telemetry, is_connected(), verdicts.size > 0, seconds());
+    write_state(telemetry, is_connected(), verdicts.size > 0, details.are_closed, seconds());
   }
   is_paused = does;
   paused_s = telemetry.now_s;
@@ -470,7 +483,7 @@ function picture(): void {
   was_fresh = fresh;
   if (now_s >= plots_due_s) {
     plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // on a slow machine the 3-D view has priority
-    for (const plot of plots.all) plot.draw(display);
+    if (!details.are_closed) for (const plot of plots.all) plot.draw(display);
     plot_draws += 1;
   }
   if (now_s >= words_due_s) {
@@ -486,13 +499,12 @@ function picture(): void {
 function say(now_s: number, display: View): void {
   // before the first connection, nothing is reported as lost
   const is_waiting = !has_been_connected && now_s < 2;
-  if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), verdicts.size > 0, now_s);
+  if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), verdicts.size > 0, details.are_closed, now_s);
   for (const plot of plots.timed) plot.tell(display); // of the same tick as the state
   if (!is_paused) plots.loop.tell(display);
   chips.write(telemetry, scene, is_connected(), now_s);
-  const status_text = now_s < status.until_s ? status.text : "";
   const problems = sides.problems();
-  write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, problems, now_s));
+  write_banners(by_id("banners"), is_waiting ? [] : banners(problems, now_s));
   write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, problems, now_s));
   write_hand(hand.status, hand.is_touching);
   acknowledge.write(devices(now_s));
@@ -511,11 +523,10 @@ function devices(now_s: number): ShownDevice[] {
 }
 
 /** Failures of every side, whichever is on display. */
-function banners(status_text: string, problems_of_others: string[], now_s: number): string[] {
+function banners(problems_of_others: string[], now_s: number): Banner[] {
   if (!is_connected()) return lost_lines(has_been_connected ? server_silence_s() : NaN, [...verdicts.values()], refusal);
-  const shown_lines = banner_lines(telemetry, now_s).map((line) => (sides.shown ? `${sides.shown}: ${line}` : line));
-  const lines = [...shown_lines, ...problems_of_others];
-  return status_text ? [...lines, status_text] : lines;
+  const lines = [...banner_lines(telemetry, sides.shown, now_s), ...problems_of_others.map((text): Banner => ({ text, tone: "alarm" }))];
+  return now_s < status.until_s ? [...lines, status] : lines;
 }
 
 dress();

@@ -4,7 +4,7 @@ import { make, write } from "./card";
 import { css_gradient, tissue_colour } from "./scene/colours";
 import type { HandStatus } from "./hand";
 import type { SceneView } from "./scene/scene_view";
-import { count_words, duration_words, fault_words, forces_of, gone_words, kNodeTasks, node_state, state_words, time_words } from "./state";
+import { count_words, duration_words, fault_words, forces_of, gone_words, kNodeTasks, node_state, plain_words, state_words, time_words, type Verdict } from "./state";
 import { kNodes, norm, type NodeName, type Telemetry } from "./telemetry";
 import type { ColourMode, Surface } from "./scene/surface";
 import { Guard, type SceneState } from "./wire";
@@ -79,25 +79,35 @@ export class NodeChips {
   }
 }
 
+/** A line above the picture. "calm": news that is no fault. */
+export interface Banner {
+  text: string;
+  tone: "calm" | "alarm";
+}
+const alarm_of = (text: string): Banner => ({ text, tone: "alarm" });
+
 /**
  * @param silence_s  NaN: it was never connected
  * @param verdicts   the last words of the server; empty: it has said none
  * @param refusal    why the last attempt failed; may be empty
  */
-export function lost_lines(silence_s: number, verdicts: string[], refusal: string): string[] {
-  if (verdicts.length > 0) return ["The session has ended.", ...verdicts];
+export function lost_lines(silence_s: number, verdicts: Verdict[], refusal: string): Banner[] {
+  if (verdicts.length > 0) {
+    return [{ text: "The session has ended.", tone: "calm" }, ...verdicts.map(({ words, is_good }): Banner => ({ text: words, tone: is_good ? "calm" : "alarm" }))];
+  }
   const lost = Number.isNaN(silence_s) ? "No connection to the viewer’s server. Trying again."
     : `Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Reconnecting.`;
-  return refusal ? [`${lost} ${refusal}`] : [lost];
+  return [alarm_of(refusal ? `${lost} ${refusal}` : lost)];
 }
 
-export function banner_lines(telemetry: Telemetry, now_s: number): string[] {
+/** Failures of the side on display. @param side  its name; "": there is one device */
+export function banner_lines(telemetry: Telemetry, side: string, now_s: number): Banner[] {
   const lines = kNodes
     .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
     .map((name) => gone_words(name, telemetry.nodes[name].silence_s(now_s)));
   const recorder = telemetry.health?.recorder;
   if (recorder?.problem) lines.push(`The recording failed: ${recorder.problem}`);
-  return lines;
+  return lines.map((line) => alarm_of(side ? `${side}: ${line}` : line));
 }
 
 /** For screen readers: rare and important changes. */
@@ -112,14 +122,21 @@ export function announcement(
   return hand.is_mine ? "You hold the hand." : hand.is_others ? "Another page holds the hand." : "";
 }
 
-export function write_banners(element: HTMLElement, lines: string[]): void {
+export function write_banners(element: HTMLElement, lines: Banner[]): void {
+  element.hidden = lines.length === 0;
   while (element.childElementCount > lines.length) element.lastElementChild!.remove();
   while (element.childElementCount < lines.length) element.append(make("p"));
-  lines.forEach((text, i) => write(element.children[i], text));
+  lines.forEach(({ text, tone }, i) => {
+    const line = element.children[i] as HTMLElement;
+    write(line, text);
+    line.dataset.tone = tone;
+  });
 }
 
-export function write_state(telemetry: Telemetry, is_connected: boolean, has_ended: boolean, now_s: number): void {
-  const words = state_words(telemetry, is_connected, now_s, has_ended);
+/** @param is_plain  without what renders the force */
+export function write_state(telemetry: Telemetry, is_connected: boolean, has_ended: boolean, is_plain: boolean, now_s: number): void {
+  const full = state_words(telemetry, is_connected, now_s, has_ended);
+  const words = is_plain ? plain_words(full, telemetry) : full;
   by_id("state").dataset.tone = words.tone;
   write(by_id("state-title"), words.title);
   write(by_id("state-detail"), words.detail);
@@ -349,10 +366,11 @@ export function telemetry_lost(telemetry: Telemetry): number {
   return kNodes.reduce((sum, name) => sum + telemetry.nodes[name].batches_lost + telemetry.nodes[name].records_lost, 0);
 }
 
-export function write_session(scene: SceneState): void {
+/** @param is_plain  without the name of the controller */
+export function write_session(scene: SceneState, is_plain: boolean): void {
   const name = make("b", "", scene.sessionName);
-  by_id("session").replaceChildren(name, scene.controller);
-  by_id("session").title = `${scene.sessionName}, ${scene.controller}`;
+  by_id("session").replaceChildren(name, is_plain ? "" : scene.controller);
+  by_id("session").title = is_plain ? scene.sessionName : `${scene.sessionName}, ${scene.controller}`;
   document.title = `${scene.sessionName} – Palpate`;
 }
 

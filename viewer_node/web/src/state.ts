@@ -34,11 +34,17 @@ export function fault_words(telemetry: Telemetry): string {
 
 export const kNoForce: Vector3 = { x: 0, y: 0, z: 0 };
 
-/** The last word of a viewer's server, from a line of /log: "left: bad. device fault"; null: another line. */
-export function verdict_of(message: string): { side: string; words: string } | null {
+/** The last word of a viewer's server on a run. */
+export interface Verdict {
+  side: string;
+  words: string;
+  is_good: boolean;
+}
+/** From a line of /log: "left: bad. device fault"; null: another line. */
+export function verdict_of(message: string): Verdict | null {
   const [, side = "", grade, text] = /^event=verdict (?:side=(\S+) )?grade=(\w+) text="(.*)"$/.exec(message) ?? [];
   if (grade === undefined) return null;
-  return { side, words: `${side ? `${side}: ` : ""}verdict on the run: ${grade}${text ? `. ${text}` : ""}.` };
+  return { side, words: `${side ? `${side}: ` : ""}verdict on the run: ${grade}${text ? `. ${text}` : ""}.`, is_good: grade === "good" };
 }
 
 /** Requested and rendered force; null where the node that tells it is gone. */
@@ -97,6 +103,30 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
       }
       return words("free", "Free", norm(telemetry.requested_newton) > kShown_newton
         ? "The tool has left the tissue: the force fades to zero." : "The tool touches nothing.", "calm");
+  }
+}
+
+/** The same for a person who is to notice the tissue, and not what renders its force: only that there is none. */
+export function plain_words(full: StateWords, telemetry: Telemetry): StateWords {
+  switch (full.id) {
+    case "no_mofc":
+    case "limp":
+      return { ...full, title: "No force", detail: "The motors apply no force." };
+    case "no_physics":
+    case "stale":
+      return { ...full, title: "No force", detail: "The tissue is not simulated: the force fades to zero." };
+    case "fallback":
+    case "clamped":
+    case "exhausted":
+      return telemetry.mofc_state === Mofc.contact
+        ? words("contact", "Contact", "You touch the tissue.", "active")
+        : words("free", "Free", "The tool touches nothing.", "calm");
+    case "contact":
+      return { ...full, detail: "You touch the tissue." };
+    case "free":
+      return { ...full, detail: "The tool touches nothing." };
+    default:
+      return full;
   }
 }
 

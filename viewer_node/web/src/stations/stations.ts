@@ -10,13 +10,14 @@ interface Station {
 }
 
 const kEvery_ms = 1000;
+const kTroubles = ["absent", "not understood"];
 
 function row_of({ name, state, cells }: Station): HTMLTableRowElement {
   const row = make("tr");
   row.dataset.state = state;
   const heading = make("th", "", name);
   heading.scope = "row";
-  row.append(heading, make("td", state === "absent" ? "error" : "", state), ...cells.map((cell) => make("td", "", cell)));
+  row.append(heading, make("td", kTroubles.includes(state) ? "error" : "", state), ...cells.map((cell) => make("td", "", cell)));
   return row;
 }
 

@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // task.ts: the task of a session for the person who does it: what is to be done, start, marks, stop,
 // score. In plain words; all of it by keyboard, and said to a screen reader.
-import { make, write } from "./card";
-import { clock_words, has_marks } from "./run";
-import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskMap, type TaskState, type Traction } from "./wire";
+import { make, write } from "../card";
+import { clock_words, has_marks } from "../run";
+import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskMap, type TaskState, type Traction } from "../wire";
+
+/** As the server words the markers of a start and of a stop. */
+const kMarkersOfTasks = ["task started", "task stopped"];
 
 /** What is said of a change; "" if nothing is. */
 export function task_news(before: TaskState | null, now: TaskState): string {
   if (!before || before.phase === now.phase) {
     if (before?.goal && now.goal && now.phase === TaskPhase.running) return traction_news(before.goal, now.goal);
     if (!before || now.phase !== TaskPhase.running || now.marks <= before.marks) return "";
-    return now.kind === TaskKind.palpation ? `Find ${now.marks} marked.` : now.kind === TaskKind.needle ? "Loss of resistance marked." : "";
+    return now.kind === TaskKind.palpation ? `Mark ${now.marks} set.` : now.kind === TaskKind.needle ? "Loss of resistance marked." : "";
   }
   if (now.phase === TaskPhase.running) return "The task has started.";
   return now.phase === TaskPhase.ended ? `The task has ended. ${now.findings.join(" ")}` : "";
@@ -50,6 +53,7 @@ const kTraceHeight = 80;
 /** The force over a whole task, its limit and the marks. */
 class ForceTrace {
   readonly element = make("figure", "trace");
+  is_known = false;
   private readonly drawing = document.createElementNS(kSvg, "svg");
   private readonly caption = make("figcaption");
 
@@ -62,6 +66,7 @@ class ForceTrace {
   }
 
   take({ mostNewton, slotS, marksS, limitNewton }: TaskMap): void {
+    this.is_known = true;
     const known = mostNewton.filter(Number.isFinite);
     const most = Math.max(0, ...known);
     const top = Math.max(0.5, 1.1 * limitNewton, most);
@@ -92,7 +97,8 @@ export class TaskPanel {
   private state: TaskState | null = null;
   private is_replay = false;
   private readonly title = make("h2");
-  private readonly briefing = make("p", "briefing");
+  private readonly briefing = make("details", "briefing"); // out of the way while the task runs on a phone
+  private readonly briefing_text = make("p");
   private readonly progress = make("p", "progress");
   private readonly news = make("p", "heard");
   private readonly start: HTMLButtonElement;
@@ -120,6 +126,7 @@ export class TaskPanel {
     const buttons = make("div", "buttons");
     buttons.append(this.start, this.find, this.stop);
     this.map_key.hidden = true;
+    this.briefing.append(make("summary", "", "What to do"), this.briefing_text);
     element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.map_key, this.force.element, this.figures, this.news);
   }
 
@@ -138,9 +145,16 @@ export class TaskPanel {
   /** Force over the time of the task. */
   set trace(map: TaskMap) {
     this.force.take(map);
+    this.force.element.hidden = !this.has_ended;
   }
   get has_ended(): boolean {
     return this.state?.phase === TaskPhase.ended;
+  }
+
+  /** Whether the panel itself tells of this marker. */
+  says(marker: string): boolean {
+    if (!this.state) return false;
+    return kMarkersOfTasks.includes(marker) || (this.state.phase === TaskPhase.running && has_marks(this.state.kind));
   }
 
   /** The person has found something, or is through. False: there is nothing to mark now. */
@@ -162,6 +176,7 @@ export class TaskPanel {
     const had_focus = this.element.contains(document.activeElement);
     const has_changed = this.state?.phase !== task.phase;
     this.state = task;
+    if (has_changed) this.place_briefing();
     this.write(task);
     if (has_changed && had_focus) this.focus();
   }
@@ -172,7 +187,7 @@ export class TaskPanel {
     const may_act = this.can_publish && !this.is_replay;
     this.element.dataset.phase = TaskPhase[task.phase];
     write(this.title, has_ended ? "Score" : is_running ? "Task" : "Your task");
-    write(this.briefing, task.briefing);
+    write(this.briefing_text, task.briefing);
     this.briefing.hidden = has_ended || task.briefing === "";
     write(this.progress, is_running ? time_words(task) + progress_words(task) : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
     this.progress.hidden = has_ended || this.progress.textContent === "";
@@ -180,7 +195,9 @@ export class TaskPanel {
     this.find.hidden = !is_running || !has_marks(task.kind) || !may_act;
     write(this.find, task.kind === TaskKind.needle ? "The resistance is lost (M)" : "Mark a find (M)");
     this.stop.hidden = !is_running || !may_act;
-    this.findings.hidden = this.figures.hidden = this.force.element.hidden = !has_ended;
+    this.findings.hidden = this.figures.hidden = !has_ended;
+    this.force.is_known &&= has_ended;
+    this.force.element.hidden = !this.force.is_known;
     if (this.findings.childElementCount !== task.findings.length || this.findings.textContent !== task.findings.join("")) {
       this.findings.replaceChildren(...task.findings.map((finding) => make("li", "", finding)));
     }
@@ -191,6 +208,13 @@ export class TaskPanel {
         return line;
       }));
     }
+  }
+
+  /** Before the start it is read, then at hand below the buttons. */
+  private place_briefing(): void {
+    const is_running = this.state?.phase === TaskPhase.running;
+    (is_running ? this.findings : this.progress).before(this.briefing);
+    this.briefing.open = !is_running || !matchMedia("(max-width: 600px)").matches;
   }
 
   /** Keeps the keyboard where the button was that has gone. */
