@@ -748,8 +748,8 @@ TEST_F(Processes, SceneCheckTellsWhatAGripperTakes) {
   EXPECT_EQ(good.status, 0) << good.err;
   EXPECT_THAT(good.out, HasSubstr("  gripper: takes "));
   EXPECT_THAT(good.err, Not(HasSubstr("gripper")));
-  const Outcome narrow = run_program("palpate", {"scene", "check", "-q", retract, "--set",
-                                                 "scene.tool.gripper.reach_m=0.00601"});
+  const Outcome narrow = run_program(
+      "palpate", {"scene", "check", "-q", retract, "--set", "scene.tool.gripper.reach_m=0.00601"});
   EXPECT_EQ(narrow.status, 0) << narrow.err;
   EXPECT_THAT(narrow.err, HasSubstr("the gripper takes nothing at "));
 }
