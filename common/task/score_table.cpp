@@ -208,12 +208,13 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
     csv +=
         fmt::format("{},{},{},{},", csv_cell(one.run), name(s.kind), name(s.end), s.is_cut ? 1 : 0);
     csv += s.is_search() && s.is_judged() ? fmt::format("{},{},{},{},", s.targets.size(),
-                                       s.count(TargetScore::Outcome::kFound),
-                                       s.count(TargetScore::Outcome::kGuessed),
-                                       s.count(TargetScore::Outcome::kMissed))
-                         : ",,,,";
+                                                        s.count(TargetScore::Outcome::kFound),
+                                                        s.count(TargetScore::Outcome::kGuessed),
+                                                        s.count(TargetScore::Outcome::kMissed))
+                                          : ",,,,";
     const bool has_marks = s.is_search() || s.needle;
-    csv += has_marks && s.is_judged() ? fmt::format("{},", s.count(MarkScore::Outcome::kFalseAlarm)) : ",";
+    csv += has_marks && s.is_judged() ? fmt::format("{},", s.count(MarkScore::Outcome::kFalseAlarm))
+                                      : ",";
     const auto add = [&](double value, char after) { csv += csv_number(value) + after; };
     for (const double value :
          {s.time_s, s.coverage_ratio, s.force.median_newton, s.force.p95_newton,

@@ -6,14 +6,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdint>
-#include <cstring>
-#include <optional>
+#include <span>
 #include <type_traits>
 
 namespace palpate::viewer {
 namespace {
 
+constexpr std::size_t kRowsPerBlock = 4096;
 constexpr Duration kWriteInterval = std::chrono::milliseconds(200);
 
 /// Read by the same program on the same machine alone.
@@ -64,6 +65,19 @@ TickRow row_of(const Entry& entry) {
   return row;
 }
 
+/// @return how many rows from `first` on were read: fewer than wanted after an error
+std::size_t read_rows(int descriptor, std::size_t first, std::span<Entry> rows) {
+  const std::span<std::byte> bytes = std::as_writable_bytes(rows);
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t got = pread(descriptor, bytes.data() + done, bytes.size() - done,
+                              static_cast<off_t>(first * sizeof(Entry) + done));
+    if (got <= 0) break;
+    done += static_cast<std::size_t>(got);
+  }
+  return done / sizeof(Entry);
+}
+
 }  // namespace
 
 TaskJournal::TaskJournal(const std::filesystem::path& file) : file_(file) {
@@ -82,43 +96,31 @@ void TaskJournal::close() {
   descriptor_ = -1;
 }
 
-std::vector<TickRow> TaskJournal::restore(const TickRow& next) {
-  std::vector<TickRow> rows;
-  if (descriptor_ < 0) return rows;
+bool TaskJournal::continues(const TickRow& next) {
   struct stat status {};
-  if (fstat(descriptor_, &status) == 0 && status.st_size > 0) {
-    const auto count = static_cast<std::size_t>(status.st_size) / sizeof(Entry);
-    rows.reserve(count);
-    Entry entry;
-    std::vector<std::byte> bytes(sizeof(Entry) * 4096);
-    std::size_t held = 0;
-    for (std::size_t taken = 0; taken < count;) {
-      const ssize_t got = read(descriptor_, bytes.data() + held, bytes.size() - held);
-      if (got <= 0) break;
-      held += static_cast<std::size_t>(got);
-      std::size_t at = 0;
-      for (; at + sizeof(Entry) <= held && taken < count; at += sizeof(Entry), ++taken) {
-        std::memcpy(&entry, bytes.data() + at, sizeof(Entry));
-        rows.push_back(row_of(entry));
-      }
-      std::memmove(bytes.data(), bytes.data() + at, held - at);
-      held -= at;
-    }
-  }
-  const bool is_before = !rows.empty() && rows.back().device_session_id == next.device_session_id &&
-                         rows.back().device.sequence < next.device.sequence;
-  if (!is_before) {
-    rows.clear();
-    clear();
-    return rows;
-  }
+  if (descriptor_ < 0 || fstat(descriptor_, &status) != 0) return false;
   // a process may have been killed within a row
-  size_bytes_ = rows.size() * sizeof(Entry);
-  if (ftruncate(descriptor_, static_cast<off_t>(size_bytes_)) != 0 ||
-      lseek(descriptor_, 0, SEEK_END) < 0) {
-    close();
+  kept_rows_ = static_cast<std::size_t>(status.st_size) / sizeof(Entry);
+  Entry last{};
+  const bool is_before =
+      kept_rows_ > 0 && read_rows(descriptor_, kept_rows_ - 1, {&last, 1}) == 1 &&
+      last.session_id == next.device_session_id && last.sequence < next.device.sequence;
+  if (!is_before) {
+    clear();
+    return false;
   }
-  return rows;
+  cut(kept_rows_ * sizeof(Entry));
+  return true;
+}
+
+void TaskJournal::replay(const std::function<void(const TickRow&)>& take) const {
+  std::vector<Entry> block(kRowsPerBlock);
+  for (std::size_t first = 0; first < kept_rows_; first += block.size()) {
+    block.resize(std::min(kRowsPerBlock, kept_rows_ - first));
+    const std::size_t count = read_rows(descriptor_, first, block);
+    for (std::size_t i = 0; i < count; ++i) take(row_of(block[i]));
+    if (count < block.size()) return;
+  }
 }
 
 void TaskJournal::append(const TickRow& row) {
@@ -136,8 +138,16 @@ void TaskJournal::append(const TickRow& row) {
 
 void TaskJournal::clear() {
   buffer_.clear();
-  size_bytes_ = 0;
-  if (descriptor_ >= 0 && (ftruncate(descriptor_, 0) != 0 || lseek(descriptor_, 0, SEEK_SET) < 0)) {
+  kept_rows_ = 0;
+  cut(0);
+}
+
+/// What follows is written there.
+void TaskJournal::cut(std::size_t size_bytes) {
+  size_bytes_ = size_bytes;
+  const auto size = static_cast<off_t>(size_bytes);
+  if (descriptor_ >= 0 &&
+      (ftruncate(descriptor_, size) != 0 || lseek(descriptor_, size, SEEK_SET) < 0)) {
     close();
   }
 }

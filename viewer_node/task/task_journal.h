@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <vector>
 
 #include "common/telemetry/tick_row.h"
@@ -23,10 +24,11 @@ class TaskJournal {
   TaskJournal(const TaskJournal&) = delete;
   TaskJournal& operator=(const TaskJournal&) = delete;
 
-  /// What the process before has kept, if `next` is of the same device and comes after it: rows
-  /// with what TaskEvaluator takes of them. Else nothing, and the file begins anew. Call it once,
-  /// first.
-  [[nodiscard]] std::vector<TickRow> restore(const TickRow& next);
+  /// Whether a process before has kept rows of the same device from before `next`. If not, the file
+  /// begins anew. Call it once, first.
+  [[nodiscard]] bool continues(const TickRow& next);
+  /// Hands over these rows, in order, with what TaskEvaluator takes of them.
+  void replay(const std::function<void(const TickRow&)>& take) const;
   /// The file has it after 0.2 s at most, if more rows follow.
   void append(const TickRow& row);
   /// Forgets all rows.
@@ -34,6 +36,7 @@ class TaskJournal {
   [[nodiscard]] std::size_t size_bytes() const { return size_bytes_; }
 
  private:
+  void cut(std::size_t size_bytes);
   void write();
   void close();
 
@@ -41,6 +44,7 @@ class TaskJournal {
   int descriptor_ = -1;  // -1: nothing is kept
   std::vector<std::byte> buffer_;
   std::size_t size_bytes_ = 0;
+  std::size_t kept_rows_ = 0;  // of the process before
   TimePoint written_at_{};
 };
 

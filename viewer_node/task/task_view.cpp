@@ -27,12 +27,14 @@ void TaskView::take(const TickRow& row) {
   // each pass of a replay is like a restart
   if (is_replay_ && before != 0 && before != row.device_session_id) begin_anew();
   journal(row);
-  if (waiting_.empty()) {
+  if (!is_behind_) {
     evaluator_.take(row);
     return;
   }
   waiting_.push_back(row);
   if (waits(row)) return;
+  is_behind_ = false;
+  if (journal_) journal_->replay([&](const TickRow& one) { evaluator_.take(one); });
   for (const TickRow& one : waiting_) evaluator_.take(one);
   waiting_ = {};
 }
@@ -43,10 +45,10 @@ void TaskView::journal(const TickRow& row) {
   if (!journal_) return;
   if (!std::exchange(has_restored_, true)) {
     began_at_ = row.device.sampled_at;
-    waiting_ = journal_->restore(row);
+    is_behind_ = journal_->continues(row);
   }
   if (evaluator_.has_ended()) return;
-  if (waiting_.empty() && !evaluator_.has_begun() && journal_->size_bytes() > kMostBytesBefore) {
+  if (!is_behind_ && !evaluator_.has_begun() && journal_->size_bytes() > kMostBytesBefore) {
     journal_->clear();
   }
   journal_->append(row);

@@ -52,7 +52,8 @@ class TaskView {
   bool has_restored_ = false;
   TimePoint began_at_{};            // of the first row
   bool has_run_ = false;            // a state of the run has been received
-  std::vector<TickRow> waiting_{};  // until what belongs to them is known
+  bool is_behind_ = false;          // what the process before has kept is still to be taken
+  std::vector<TickRow> waiting_{};  // behind it
 };
 
 }  // namespace palpate::viewer

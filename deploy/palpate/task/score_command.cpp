@@ -73,7 +73,8 @@ struct ScoreCommand {
     std::vector<NamedScore> scores;
     int status = 0;
     Progress progress("score", verbosity.is_quiet);
-    for (const std::string& file : files) try {
+    for (const std::string& file : files) {
+      try {
         RecordingFile recording(file);
         recording.choose_side("");
         const auto done = static_cast<double>(scores.size());
@@ -87,6 +88,7 @@ struct ScoreCommand {
         say(std::string("not scored: ") + error.what());
         status = kExitSetupError;
       }
+    }
     if (scores.empty()) throw SetupError("no recording could be scored; see above");
     const bool prints = csv_file != kStandardOutput && regions_file != kStandardOutput &&
                         json_file != kStandardOutput && html_file != kStandardOutput;

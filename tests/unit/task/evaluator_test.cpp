@@ -56,8 +56,9 @@ TEST(TaskEvaluator, AMarkWithoutAPressThatCanFeelItIsAGuess) {
   EXPECT_EQ(score.marks[0].outcome, MarkScore::Outcome::kGuess);
   EXPECT_EQ(score.targets[0].outcome, Outcome::kGuessed);
   EXPECT_EQ(score.count(MarkScore::Outcome::kFalseAlarm), 0U);
-  EXPECT_THAT(findings_of(score), Contains(HasSubstr("guessed: before the mark you had pressed over it with at most "
-                                                     "1.9 N")));
+  EXPECT_THAT(findings_of(score),
+              Contains(HasSubstr("guessed: before the mark you had pressed over it with at most "
+                                 "1.9 N")));
 }
 
 TEST(TaskEvaluator, MissedLesionsAreToldApart) {

@@ -35,6 +35,17 @@ class TaskJournals : public testing::Test {
       view.take(test::row_of(i, tip, device));
     }
   }
+  /// The first viewer of the run.
+  void is_killed_at(std::uint64_t tick) const {
+    {
+      TaskView first(session_, journal());
+      first.take(scene());
+      first.take(marks(false));
+      takes(first, 0, tick);
+      keep();
+    }
+    put_back();
+  }
   [[nodiscard]] static TelemetryMessage scene() { return {test::plane_scene()}; }
   /// Of the whole run, by which it was started and stopped.
   [[nodiscard]] static RunState marks(bool has_stop) {
@@ -75,14 +86,7 @@ TEST_F(TaskJournals, AViewerThatIsStartedAgainGoesOnWithTheScore) {
   takes(whole, 0, kEndTick + 10);
   ASSERT_TRUE(whole.has_ended());
 
-  {
-    TaskView first(session_, journal());
-    first.take(scene());
-    first.take(marks(false));
-    takes(first, 0, 3000);
-    keep();
-  }
-  put_back();
+  is_killed_at(3000);
   {
     TaskView second(session_, journal());
     takes(second, 3400, 3500);  // before marks and surface
@@ -117,14 +121,7 @@ TEST_F(TaskJournals, AViewerThatIsStartedAgainGoesOnWithTheScore) {
 }
 
 TEST_F(TaskJournals, OfAnotherRunNothingIsTaken) {
-  {
-    TaskView first(session_, journal());
-    first.take(scene());
-    first.take(marks(false));
-    takes(first, 0, 3000);
-    keep();
-  }
-  put_back();
+  is_killed_at(3000);
   TaskView other(session_, journal());
   other.take(scene());
   takes(other, 10, 2500, test::kDevice + 1);
@@ -136,9 +133,9 @@ TEST_F(TaskJournals, IsOfOneProcessAndGoneWithIt) {
     TaskJournal first(file_);
     EXPECT_TRUE(std::filesystem::exists(file_));
     const TickRow row = test::row_of(5, {});
-    EXPECT_TRUE(first.restore(row).empty());
+    EXPECT_FALSE(first.continues(row));
     TaskJournal second(file_);
-    EXPECT_TRUE(second.restore(row).empty());
+    EXPECT_FALSE(second.continues(row));
     second.append(row);
     EXPECT_EQ(second.size_bytes(), 0U);
   }
