@@ -67,8 +67,8 @@ struct GripModel {
   Matrix3 stiffness_newton_per_m = Matrix3::Identity();
   double relaxation_s = 0.0;         ///< τ
   double stored_energy_joule = 0.0;  ///< in the body, since they closed
-  std::vector<Other> others;
-  elastic::StatedError error;  ///< by the way from `place_m`
+  std::vector<Other> others{};
+  elastic::StatedError error{};  ///< by the way from `place_m`
 
   [[nodiscard]] bool is_holding() const noexcept { return points > 0; }
   /// @param by_others_newton  what the others have added since the solution
