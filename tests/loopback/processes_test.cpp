@@ -606,7 +606,7 @@ TEST_F(WrongSetUp, AWrongOverrideIsRefused) {
     command.insert(command.end(), {"--set", "mofc.controler=none"});
     expect_refused(command,
                    "--set mofc.controler=none: mofc.controler: no such field; did you "
-                   "mean 'controller'?");
+                   "mean 'mofc.controller'?");
   }
   expect_nothing_left();
 }
