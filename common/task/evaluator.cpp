@@ -53,7 +53,7 @@ void TaskEvaluator::take(const SceneState& scene) {
   const auto& mesh = scene.tissues[palpation()->tissue].mesh;
   auto surface =
       std::make_unique<SearchedSurface>(mesh, palpation()->area, palpation()->coverage_radius_m);
-  score_.is_area_empty = !mesh.triangles.empty() && surface->empty();
+  score_.is_area_empty = !mesh.triangles.empty() && !(surface->area_m2() > 0.0);
   if (surface->empty()) return;
   surface_ = std::move(surface);
   score_.area_m2 = surface_->area_m2();

@@ -19,6 +19,7 @@
 #include "common/process/realtime.h"
 #include "common/session/path_speed.h"
 #include "deploy/launch/physics_command.h"
+#include "deploy/palpate/task/task_warnings.h"
 #include "device_node/simulation/hand.h"
 #include "physics_node/scene/scene.h"
 
@@ -235,6 +236,7 @@ std::vector<std::string> session_warnings(const Session& session) {
                        "\": there is no such folder; palpate keygen makes one");
   }
 
+  for (std::string& warning : task_warnings(session)) warnings.push_back(std::move(warning));
   const physics::Scene scene(rigid(session.scene));
   std::vector<std::pair<std::string, std::vector<std::string>>> of_sides;  // text, sides
   for (const Side& side : session.sides) {

@@ -15,10 +15,12 @@
 namespace palpate::physics {
 namespace {
 
-constexpr double kFinestSpacing_m = 1e-3;  // a dent is a few of these wide
-constexpr int kMostCellsPerEdge = 200;     // of long thin boxes
-constexpr double kScatter = 1.03;          // a sphere has 10 242 vertices, a quarter of that, …
-constexpr double kFarthest_m = 1e3;        // limit of the wire; coordinates are clamped to it
+constexpr double kFinestSpacing_m = 1e-3;   // a dent is a few of these wide
+constexpr int kMostCellsPerEdge = 200;      // of long thin boxes
+constexpr double kScatter = 1.03;           // a sphere has 10 242 vertices, a quarter of that, …
+constexpr double kFarthest_m = 1e3;         // limit of the wire; coordinates are clamped to it
+constexpr double kSceneVertices = 3e5;      // 11 MB with triangles; a message has at most 16 MiB
+constexpr double kPatchHalfExtent_m = 0.1;  // workspace of the hand, about that of an Omni
 
 std::uint32_t add_vertex(const Vector3& p, SurfaceMesh& mesh) {
   for (const double x : p) {
@@ -61,6 +63,22 @@ double spacing_for(double area_m2, const DisplayArea& area) {
 }
 
 }  // namespace
+
+DisplayArea display_area_of(const Session& session) {
+  DisplayArea area{.center_m = Vector3::Zero(), .half_extent_m = 0.0};
+  area.vertices = std::min(area.vertices,
+                           kSceneVertices / static_cast<double>(session.scene.tissues.size() + 1));
+  for (const Side& side : session.sides) {
+    area.center_m += side.device.workspace.offset_m / static_cast<double>(session.sides.size());
+  }
+  for (const Side& side : session.sides) {
+    const WorkspaceConfig& workspace = side.device.workspace;
+    area.half_extent_m = std::max(area.half_extent_m,
+                                  kPatchHalfExtent_m * workspace.scale_ratio +
+                                      (workspace.offset_m - area.center_m).cwiseAbs().maxCoeff());
+  }
+  return area;
+}
 
 SurfaceMesh display_mesh(const HalfSpaceGeometry& half_space, const DisplayArea& area) {
   // two directions in the plane; u × v = normal

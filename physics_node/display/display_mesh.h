@@ -4,7 +4,7 @@
 
 #include "common/core/scene_messages.h"
 #include "common/core/vector.h"
-#include "common/session/scene_config.h"
+#include "common/session/session.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/surfaces/shape.h"
 
@@ -18,6 +18,9 @@ struct DisplayArea {
   /// size: 30 frames per second of 10 000 vertices are 4 MB/s.
   double vertices = 10'000.0;
 };
+
+/// A region that contains the workspaces of the tools; with many tissues each is drawn coarser.
+[[nodiscard]] DisplayArea display_area_of(const Session& session);
 
 /// The surface of a tissue, in W.
 [[nodiscard]] SurfaceMesh display_mesh(const Shape& shape, const DisplayArea& area);

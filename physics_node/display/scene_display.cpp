@@ -15,9 +15,7 @@ namespace {
 
 constexpr Duration kChangeInterval = std::chrono::milliseconds(200);  // a scene may have megabytes
 constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB; a larger range is sent in parts
-constexpr double kSceneVertices = 3e5;      // 11 MB with triangles; a message has at most 16 MiB
-constexpr std::size_t kMovedAtOnce = 12;    // with some dents, within the link's high-water mark
-constexpr double kPatchHalfExtent_m = 0.1;  // workspace of the hand, about that of an Omni
+constexpr std::size_t kMovedAtOnce = 12;  // with some dents, within the link's high-water mark
 
 double relaxation_s(double k, double b) {
   if (b == 0.0) return 0.0;
@@ -27,23 +25,6 @@ double relaxation_s(double k, double b) {
 /// Displacement of the whole tissue at the time of the tick.
 Vector3 displacement_m(const TissueConfig& tissue, const PhysicsTick& tick) {
   return displacement(tissue.motion, to_seconds(tick.stepped_at.time_since_epoch())).position_m;
-}
-
-/// A region that contains the workspaces of the tools; with many tissues each is drawn coarser.
-DisplayArea area_of(const Session& session) {
-  DisplayArea area{.center_m = Vector3::Zero(), .half_extent_m = 0.0};
-  area.vertices = std::min(area.vertices,
-                           kSceneVertices / static_cast<double>(session.scene.tissues.size() + 1));
-  for (const Side& side : session.sides) {
-    area.center_m += side.device.workspace.offset_m / static_cast<double>(session.sides.size());
-  }
-  for (const Side& side : session.sides) {
-    const WorkspaceConfig& workspace = side.device.workspace;
-    area.half_extent_m = std::max(area.half_extent_m,
-                                  kPatchHalfExtent_m * workspace.scale_ratio +
-                                      (workspace.offset_m - area.center_m).cwiseAbs().maxCoeff());
-  }
-  return area;
 }
 
 }  // namespace
@@ -76,7 +57,7 @@ void SceneDisplay::build() {
   if (scene_.revision > 0) return;
   scene_.revision = 1;
   scene_.accepts_changes = may_change_tissue(session_);
-  const DisplayArea area = area_of(session_);
+  const DisplayArea area = display_area_of(session_);
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const TissueConfig& tissue = session_.scene.tissues[i];
     const Shape& shape = shapes_[i];

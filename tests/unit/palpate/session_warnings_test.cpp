@@ -33,14 +33,19 @@ std::vector<std::string> warnings_with(const std::vector<std::string>& overrides
 
 TEST(SessionWarnings, ThereAreNoneOfTheSessionsThatShip) {
   std::size_t sessions = 0;
-  for (const auto& entry : fs::directory_iterator(PALPATE_SOURCE_DIR "/deploy/sessions")) {
-    if (entry.path().extension() != ".txtpb") continue;
-    std::vector<std::string> overrides;
-    if (entry.path().stem() == "two_machines") overrides = {"security.key_folder=."};  // to be made
-    EXPECT_THAT(session_warnings(load_session(entry.path(), overrides)), IsEmpty()) << entry.path();
-    ++sessions;
+  for (const char* folder : {"/deploy/sessions", "/deploy/sessions/tasks"}) {
+    for (const auto& entry : fs::directory_iterator(std::string(PALPATE_SOURCE_DIR) + folder)) {
+      if (entry.path().extension() != ".txtpb") continue;
+      std::vector<std::string> overrides;
+      if (entry.path().stem() == "two_machines") {
+        overrides = {"security.key_folder=."};  // to be made
+      }
+      EXPECT_THAT(session_warnings(load_session(entry.path(), overrides)), IsEmpty())
+          << entry.path();
+      ++sessions;
+    }
   }
-  EXPECT_GE(sessions, 10u);
+  EXPECT_GE(sessions, 20u);
 }
 
 TEST(SessionWarnings, NameWhatIsProbablyNotMeant) {
@@ -92,6 +97,25 @@ TEST(SessionWarnings, NameWhatIsProbablyNotMeant) {
 TEST(SessionWarnings, OfALibraryOfTheSystemAreNone) {
   EXPECT_THAT(warnings_with({"device.plugin={ library: \"libc.so.6\" }"}),
               Each(Not(HasSubstr("library"))));
+}
+
+TEST(SessionWarnings, OfATaskThatCannotBeDone) {
+  const std::string part =
+      "scene.tissue[0].elastic.part[0].where={ sphere { radius_m: 0.007 center_m { ";
+  const auto warnings_of = [](const char* task, const std::vector<std::string>& overrides) {
+    return session_warnings(
+        load_session(std::string(PALPATE_SOURCE_DIR "/deploy/sessions/tasks/") + task, overrides));
+  };
+  EXPECT_THAT(warnings_of("lump_search.txtpb", {part + "z: 0.012 } } }"}),
+              ElementsAre(AllOf(HasSubstr("target \"lump\""), HasSubstr("12 mm outside"))));
+  EXPECT_THAT(warnings_of("lump_search.txtpb", {part + "x: 0.03 z: -0.01 } } }"}),
+              ElementsAre(AllOf(HasSubstr("above it, (0.03, 0, 0) m"),
+                                HasSubstr("not in the area that is searched"))));
+  EXPECT_THAT(warnings_of("lump_search.txtpb",
+                          {"task.palpation.area={ sphere { center_m { z: 1 } radius_m: 0.01 } }"}),
+              Contains(HasSubstr("contains nothing of the surface of tissue \"block\"")));
+  EXPECT_THAT(warnings_of("traction.txtpb", {"task.traction.target_m={ z: 30 }"}),
+              ElementsAre(AllOf(HasSubstr("target_m"), HasSubstr("no tissue comes as far"))));
 }
 
 TEST(SessionWarnings, OfAnElasticBodyInKilopascal) {

@@ -150,6 +150,14 @@ TEST(TaskEvaluator, WithoutASurfaceTheCoverageIsNotKnownAndTheRestIs) {
   EXPECT_THAT(findings_of(evaluator.score()), Contains(HasSubstr("the surface was not received")));
 }
 
+TEST(TaskEvaluator, AnAreaThatMeetsNoSurfaceIsToldApart) {
+  TaskConfig task = search({lump()});
+  std::get<PalpationTask>(task.kind).area = SphereGeometry{Vector3(0, 0, 1), 0.01};
+  const TaskScore score = score_of(task, 3.0, over_lump);
+  EXPECT_TRUE(std::isnan(score.coverage_ratio));
+  EXPECT_THAT(findings_of(score), Contains(HasSubstr("meets no surface")));
+}
+
 TEST(TaskEvaluator, APersonStartsAndStopsIt) {
   TaskConfig task = search({lump()});
   task.is_started_by_person = true;
