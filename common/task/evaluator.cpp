@@ -384,9 +384,17 @@ void TaskEvaluator::complete_score() {
   score_.depth_most_m = depths_.max();
 }
 
+bool TaskEvaluator::knows_area() const {
+  return surface_ && palpation()->area && surface_->area_m2() > 0.0;
+}
+
 TaskMap TaskEvaluator::map() const {
   const PalpationTask* search = palpation();
   TaskMap map = surface_ && search != nullptr ? surface_->map(TaskMap::kMostPlaces) : TaskMap();
+  if (!has_ended()) {
+    map.is_searched.clear();
+    return map;
+  }
   for (std::size_t i = 0; search != nullptr && i < search->targets.size(); ++i) {
     const TaskTarget& target = search->targets[i];
     map.lesions.push_back({.name = target.name,

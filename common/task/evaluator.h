@@ -64,7 +64,9 @@ class TaskEvaluator {
   [[nodiscard]] const TaskScore& score() const { return score_; }
   /// For a page.
   [[nodiscard]] TaskState state() const;
-  /// For a page, after the end.
+  /// Whether a part of the surface is to be searched, and where that is.
+  [[nodiscard]] bool knows_area() const;
+  /// For a page. Before the end it tells what is to be searched, and nothing else.
   [[nodiscard]] TaskMap map() const;
 
  private:

@@ -115,7 +115,7 @@ struct TaskState {
 };
 
 /// What a task shows after its end: what of the surface was searched, where lesions are, and the
-/// force over its time.
+/// force over its time. Before: the places alone.
 struct TaskMap {
   static constexpr std::size_t kMostPlaces = 5000;
 
@@ -127,7 +127,7 @@ struct TaskMap {
   };
 
   std::vector<std::array<float, 3>> places_m;  ///< on the surface at rest; W
-  std::vector<std::uint8_t> is_searched;       ///< of each place, 0 or 1
+  std::vector<std::uint8_t> is_searched;       ///< of each place, 0 or 1; empty before the end
   std::vector<Lesion> lesions;
   double slot_s = 0.0;             ///< of most_newton
   std::vector<float> most_newton;  ///< largest force in each slot; NaN: not received

@@ -308,6 +308,8 @@ test_alone("a lesion is hidden until the task has ended, and then shown with the
   const tells = (text) => frames.some((frame) => frame.includes(text));
   await until(page, (t) => t.scene && t.device_ticks > 0, "the scene");
   assert.deepEqual((await status(page)).scene.tissues.map(({ name }) => name), ["block"]);
+  await until(page, (t) => t.task_map?.places > 500 && t.task_map.lesions === 0, "the area that is to be searched");
+  await page.locator("#task .map-key", { hasText: "search here" }).waitFor();
   await page.getByRole("button", { name: "Start" }).click();
   await page.getByRole("button", { name: "Mark a find (M)" }).click(); // nothing was touched: a false alarm
   await page.locator("#task", { hasText: "1 find marked" }).waitFor();
@@ -319,7 +321,7 @@ test_alone("a lesion is hidden until the task has ended, and then shown with the
   await page.locator("#task", { hasText: "1 mark was set without touching the tissue." }).waitFor();
   await until(page, (t) => t.scene.tissues.length === 2, "the lump");
   // nothing was touched
-  await until(page, (t) => t.task_map?.places > 500 && t.task_map.searched === 0, "the map of what was searched");
+  await until(page, (t) => t.task_map?.places > 500 && t.task_map.searched === 0 && t.task_map.lesions === 1, "the map of what was searched");
   assert.ok(tells("radius_m:") && tells("block, part"));
   assert.deepEqual(page.problems, []);
 });

@@ -687,6 +687,7 @@ page_test("a task is done with the mouse: briefing, start, marks, stop, score in
   await page.locator("#marker").waitFor({ state: "hidden" }); // a find has its own button
   await page.locator("#task-find").waitFor({ state: "hidden" });
   await page.getByRole("button", { name: "Start" }).click();
+  await page.locator("#task .map-key", { hasText: /^search here\s*$/ }).waitFor();
   server.world.task.elapsedS = 12;
   await until_shown(page, "#task", /0:48 left · 0 finds marked/);
   await page.getByRole("button", { name: "Mark a find (M)" }).click();
@@ -737,7 +738,7 @@ page_test("what was searched is seen on the organ", { page: kPicture }, async (p
   await page.locator("#task-stop").waitFor();
   const before = await picture(page);
   await page.locator("#task-stop").click();
-  await until(page, (t) => t.task_map !== null, "the map");
+  await until(page, (t) => t.task_map?.searched > 0, "the map");
   await page.locator("#task-title", { hasText: "Score" }).waitFor();
   await drawn(page);
   const colour_of = (png, [r, g, b]) => {

@@ -178,12 +178,12 @@ void WebFeed::allow_recordings(TimePoint now) {
 }
 
 void WebFeed::publish_task_map() {
-  if (!task_->has_ended()) {
-    task_map_ = nullptr;  // before the end, or a replay that has gone back
-  } else if (!task_map_) {
-    task_map_ = make_payload(encode_task_map(task_->map()));
-    server_.publish(index_of(WebChannel::kTaskMap), wall_clock_ns(), task_map_);
-  }
+  const bool has_ended = task_->has_ended();
+  if (has_ended != is_map_of_end_) task_map_ = nullptr;  // an end, or a replay that has gone back
+  is_map_of_end_ = has_ended;
+  if (task_map_ || !(has_ended || task_->knows_area())) return;
+  task_map_ = make_payload(encode_task_map(task_->map()));
+  server_.publish(index_of(WebChannel::kTaskMap), wall_clock_ns(), task_map_);
 }
 
 void WebFeed::end() {

@@ -72,7 +72,8 @@ class WebFeed {
   const TaskView* task_;
   Shelf shelf_;
   TimePoint next_task_{};
-  Payload task_map_;  // null until the task has ended
+  Payload task_map_;            // null: nothing to be shown yet
+  bool is_map_of_end_ = false;  // else what is to be searched
   SideIndex sides_;
   WebServer server_;
   WebLog log_;

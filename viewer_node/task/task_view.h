@@ -31,7 +31,7 @@ class TaskView {
 
   [[nodiscard]] TaskState state() const { return evaluator_.state(); }
   [[nodiscard]] bool has_ended() const { return evaluator_.has_ended(); }
-  /// What was searched; after the end.
+  [[nodiscard]] bool knows_area() const { return evaluator_.knows_area(); }
   [[nodiscard]] TaskMap map() const { return evaluator_.map(); }
   [[nodiscard]] const TaskScore& score() const { return evaluator_.score(); }
   /// Whether everything may be shown: the task has ended, or this is a replay.

@@ -90,16 +90,21 @@ TEST(KnownAnswers, OnlyTheAreaIsToBeSearched) {
 
 // What a page draws: places of the area alone, searched where the slide was.
 TEST(KnownAnswers, TheMapShowsTheStripThatWasSearched) {
-  TaskConfig task = search();
+  TaskConfig task = search({lump()});
   std::get<PalpationTask>(task.kind).area =
       BoxGeometry{.center_m = {0.025, 0.0, 0.0}, .size_m = {0.05, 0.04, 0.01}};
   TaskEvaluator evaluator(task, kTool);
   evaluator.take(plane_scene());
   run(evaluator, 2.0, [](double t_s) { return pressed(0.1 * (0.5 * t_s - 0.5), 0.0, 0.002, 1.0); });
+  ASSERT_TRUE(evaluator.knows_area());
+  const TaskMap before = evaluator.map();
   evaluator.finish();
 
   const TaskMap map = evaluator.map();
 
+  EXPECT_EQ(before.places_m, map.places_m);
+  EXPECT_TRUE(before.is_searched.empty() && before.lesions.empty() && before.most_newton.empty());
+  EXPECT_EQ(map.lesions.size(), 1U);
   ASSERT_EQ(map.places_m.size(), map.is_searched.size());
   EXPECT_LE(map.places_m.size(), TaskMap::kMostPlaces);
   EXPECT_GT(map.places_m.size(), TaskMap::kMostPlaces / 2);

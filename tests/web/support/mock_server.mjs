@@ -381,7 +381,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   /** As the evaluator does; the score is made up. */
   function change_task(kind) {
     const { task } = world;
-    if (kind === 1 && task.phase === 0) Object.assign(task, { phase: 1, marks: 0 });
+    if (kind === 1 && task.phase === 0) {
+      Object.assign(task, { phase: 1, marks: 0 });
+      send_all("/task_map", area_map());
+    }
     else if (kind === 0 && task.phase === 1) task.marks += 1;
     else if (kind === 2 && task.phase === 1) {
       Object.assign(task, {
@@ -394,9 +397,18 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     send_all("/health", health());
   }
 
-  /** The block's top, 5 cm wide, of which the left half was searched. */
+  /** The block's top, 5 cm wide: it is to be searched … */
+  function area_map() {
+    return encode("palpate.v1.TaskMap", { placesM: bytes_of(Float32Array.from(places_of_top().flat())) });
+  }
+
+  function places_of_top() {
+    return Array.from({ length: 2500 }, (_, i) => [-0.025 + 1e-3 * (i % 50), -0.025 + 1e-3 * Math.floor(i / 50), 0]);
+  }
+
+  /** … and its left half was. */
   function task_map() {
-    const places = Array.from({ length: 2500 }, (_, i) => [-0.025 + 1e-3 * (i % 50), -0.025 + 1e-3 * Math.floor(i / 50), 0]);
+    const places = places_of_top();
     return encode("palpate.v1.TaskMap", { placesM: bytes_of(Float32Array.from(places.flat())), isSearched: Uint8Array.from(places, ([x]) => (x < 0 ? 1 : 0)),
       lesions: [
         { name: "lump", centerM: { x: 0.01, y: 0, z: -0.01 }, radiusM: 0.006, isFound: true },

@@ -90,7 +90,7 @@ const begun_s = seconds();
 let has_been_connected = false;
 let refusal = ""; // why the last attempt to connect failed, if that is known
 let status: Banner & { until_s: number } = { text: "", tone: "calm", until_s: -Infinity };
-let map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null = null; // of a task that has ended
+let map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null = null; // of a task: its area, or what was searched
 let mesh_frames = 0;
 let mesh_cost_s = 0;
 let plot_draws = 0;
@@ -103,7 +103,7 @@ const handlers: Record<string, Handler> = {
   "/mesh_steps": (message: MeshSteps) => take_mesh_steps(message),
   "/task_map": (message: TaskMap) => {
     map = { places: floats_of(message.placesM), is_searched: message.isSearched.slice(), lesions: message.lesions };
-    task.trace = message;
+    if (map.is_searched.length > 0) task.trace = message;
     show_map();
   },
   "/log": (message: Log) => {
@@ -123,7 +123,7 @@ const handlers: Record<string, Handler> = {
     details.take(message.task !== undefined);
     view.set_goal(message.task?.goal ?? null);
     recordings.take(message.recorder);
-    if (map && !task.has_ended) { // a replay that has gone back
+    if (map && (map.is_searched.length > 0 ? !task.has_ended : !message.task)) { // a replay that has gone back, or another session
       map = null;
       show_map();
     }
@@ -134,7 +134,8 @@ const handlers: Record<string, Handler> = {
 
 function show_map(): void {
   view.set_map(map);
-  task.show_keys(map !== null && map.places.length > 0, map?.lesions.map(({ isFound }) => isFound) ?? []);
+  const places = map === null || map.places.length === 0 ? "none" : map.is_searched.length > 0 ? "searched" : "area";
+  task.show_keys(places, map?.lesions.map(({ isFound }) => isFound) ?? []);
 }
 
 /** "/device", or "/left/device" of a side. */

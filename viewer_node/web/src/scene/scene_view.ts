@@ -23,6 +23,7 @@ const kClear = 0.66; // opacity of outer tissue in front of inner tissue and of 
 const kBall = new SphereGeometry(1, 16, 12);
 /** Of places that were not searched, and of those that were: apart for every kind of sight. */
 const kMapColours = [new Color("#d95f02"), new Color("#3a86c8")];
+const kAreaColour = new Color("#5a5a66");
 
 interface Drawn {
   surface: Surface;
@@ -263,7 +264,8 @@ export class SceneView {
     this.is_changed = true;
   }
 
-  /** What of the surface was searched, as points on it, and the lesions as balls; null hides them. */
+  /** What of the surface is to be searched or, with is_searched, was, as points on it, and the lesions as balls; null
+      hides them. */
   set_map(map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null): void {
     this.map.visible = map !== null && map.places.length > 0;
     for (const ball of this.lesions.children as Mesh<SphereGeometry, MeshBasicMaterial>[]) ball.material.dispose();
@@ -279,12 +281,13 @@ export class SceneView {
     }
     if (map && this.map.visible) {
       const colours = new Float32Array(map.places.length);
-      map.is_searched.forEach((is_searched, i) => kMapColours[is_searched ? 1 : 0].toArray(colours, 3 * i));
+      const is_area = map.is_searched.length === 0;
+      for (let i = 0; 3 * i < colours.length; i++) (is_area ? kAreaColour : kMapColours[map.is_searched[i] ? 1 : 0]).toArray(colours, 3 * i);
       this.map.geometry.dispose();
       this.map.geometry = new BufferGeometry();
       this.map.geometry.setAttribute("position", new BufferAttribute(map.places, 3));
       this.map.geometry.setAttribute("color", new BufferAttribute(colours, 3));
-      this.map.material.size = 0.018 * this.radius_m;
+      this.map.material.size = (is_area ? 0.008 : 0.018) * this.radius_m; // under the tip it must be seen what gives way
     }
     this.is_changed = true;
   }

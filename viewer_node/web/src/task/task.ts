@@ -130,9 +130,9 @@ export class TaskPanel {
     element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.map_key, this.force.element, this.figures, this.news);
   }
 
-  /** What the organ shows: what was searched, and the lesions, found or not. */
-  show_keys(has_map: boolean, lesions: boolean[]): void {
-    const keys = has_map ? [["searched", "pressed"], ["not-searched", "not pressed"]] : [];
+  /** What the organ shows: what is to be searched, or what was, and the lesions, found or not. */
+  show_keys(places: "none" | "area" | "searched", lesions: boolean[]): void {
+    const keys = { none: [], area: [["area", "search here"]], searched: [["searched", "pressed"], ["not-searched", "not pressed"]] }[places];
     if (lesions.includes(true)) keys.push(["found", "lesion, found"]);
     if (lesions.includes(false)) keys.push(["not-found", "lesion, not found"]);
     this.map_key.hidden = keys.length === 0;
