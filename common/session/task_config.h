@@ -63,11 +63,20 @@ struct TractionTask {
   double hold_s = 5.0;                 ///< without a break
 };
 
+/// What a tissue bears; it is at rest.
+struct TissueLimit {
+  std::size_t tissue = 0;  ///< index in the scene
+  std::string name{};
+  double most_force_newton = 0.0;  ///< > 0
+  std::optional<double> most_damage_newton_s{};
+};
+
 struct TaskConfig {
   std::string briefing{};
   bool is_started_by_person = false;  ///< else with the first tick
   std::optional<double> time_s{};     ///< none: no limit
   std::optional<double> most_force_newton{};
+  std::vector<TissueLimit> tissue_limits{};
   std::optional<std::uint32_t> mark_button{};
   std::variant<FreeTask, PalpationTask, NeedleTask, TractionTask> kind{};
 

@@ -27,7 +27,11 @@ TaskState::Kind kind_of(const TaskConfig& task) {
 }  // namespace
 
 TaskEvaluator::TaskEvaluator(const TaskConfig& task, const ToolShape& tool, Options options)
-    : task_(task), tool_(tool), options_(options), depths_(kDepthBin_m, kDepthBins) {
+    : task_(task),
+      tool_(tool),
+      options_(options),
+      watch_(task.tissue_limits, tool.tip_radius_m),
+      depths_(kDepthBin_m, kDepthBins) {
   score_.kind = kind_of(task_);
   score_.limit_s = task_.time_s.value_or(kNotKnown);
   score_.most_force_newton = task_.most_force_newton.value_or(kNotKnown);
@@ -49,6 +53,7 @@ TaskEvaluator::TaskEvaluator(const TaskConfig& task, const ToolShape& tool, Opti
 
 void TaskEvaluator::take(const SceneState& scene) {
   if (needle_) needle_->take(scene);
+  watch_.take(scene);
   if (surface_ || palpation() == nullptr || palpation()->tissue >= scene.tissues.size()) return;
   const auto& mesh = scene.tissues[palpation()->tissue].mesh;
   auto surface =
@@ -107,13 +112,18 @@ void TaskEvaluator::process_due(bool is_last) {
   while (!pending_.empty() && !has_ended()) {
     const bool has_period = last_ || pending_.size() > 1;  // of who comes after the start
     const double waited_s = pending_.back().t_s - pending_.front().t_s;
-    const bool has_surface = palpation() == nullptr || surface_ || waited_s > kSurfaceWait_s;
+    const bool is_known = has_surfaces() || waited_s > kSurfaceWait_s;
     const bool is_due =
-        is_last || (has_surface && ((has_stop && has_period) || std::abs(waited_s) > kLag_s));
+        is_last || (is_known && ((has_stop && has_period) || std::abs(waited_s) > kLag_s));
     if (!is_due) return;
     process(pending_.front());
     if (!pending_.empty()) pending_.pop_front();
   }
+}
+
+/// Of all that is judged by where the tip is on it.
+bool TaskEvaluator::has_surfaces() const {
+  return (palpation() == nullptr || surface_) && watch_.has_all();
 }
 
 void TaskEvaluator::process(const Sample& sample) {
@@ -160,7 +170,10 @@ void TaskEvaluator::process(const Sample& sample) {
     needle_->count(score_.time_s, newton, elapsed_s);
   }
   if (traction_) traction_->count(score_.time_s, sample.newton, elapsed_s);
-  if (sample.newton >= kTouch_newton) press(sample, elapsed_s);
+  if (sample.newton >= kTouch_newton) {
+    press(sample, elapsed_s);
+    watch_.count(sample.tip_m, sample.newton, elapsed_s);
+  }
   judge_force(sample.newton, elapsed_s);
   if (has_marks() && task_.mark_button) {
     const std::uint32_t bit = 1U << *task_.mark_button;
@@ -373,6 +386,7 @@ void TaskEvaluator::complete_score() {
     score_.needle = needle_->score();
   }
   if (traction_) score_.traction = traction_->score();
+  score_.tissues = watch_.figures();
   if (palpation() == nullptr) return;
   for (std::size_t i = 0; i < score_.targets.size(); ++i) {
     score_.targets[i].force = regions_[i].forces.figures();

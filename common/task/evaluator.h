@@ -25,6 +25,7 @@
 #include "common/task/needle_insertion.h"
 #include "common/task/score.h"
 #include "common/task/searched_surface.h"
+#include "common/task/tissue_damage.h"
 #include "common/task/traction.h"
 #include "common/telemetry/run_messages.h"
 #include "common/telemetry/tick_row.h"
@@ -99,6 +100,7 @@ class TaskEvaluator {
   [[nodiscard]] std::uint64_t ticks_since(const Marker& marker, const Sample& sample) const;
   [[nodiscard]] double period_from(const Sample& first) const;
   void mark(double t_s, const std::string& origin);
+  [[nodiscard]] bool has_surfaces() const;
   [[nodiscard]] bool is_seen(double t_s) const;
   void mark_find(MarkScore& mark, double t_s);
   void mark_loss_of_resistance(MarkScore& mark);
@@ -119,6 +121,7 @@ class TaskEvaluator {
   std::vector<Region> regions_;  // of the targets, then elsewhere
   std::optional<NeedleInsertion> needle_{};
   std::optional<Traction> traction_{};
+  TissueWatch watch_;
   ForceCount forces_;
   Histogram depths_;
   HandMotion motion_;

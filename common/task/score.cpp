@@ -201,6 +201,7 @@ std::vector<std::string> findings_of(const TaskScore& score) {
         score.overshoot_newton, score.overshoot_newton < 0.1 ? 2 : 1, score.beyond_s,
         score.beyond_s < 0.1 ? 3 : 1));
   }
+  for (std::string& finding : findings_of(score.tissues)) findings.push_back(std::move(finding));
   return findings;
 }
 
@@ -250,6 +251,7 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
                                    score.most_force_newton, score.overshoot_newton, score.beyond_s,
                                    score.damage_newton_s));
   }
+  for (auto& figure : figures_of(score.tissues)) figures.push_back(std::move(figure));
   add("telemetry missing",
       fmt::format("{} of {} ticks", score.missing_ticks, score.ticks + score.missing_ticks));
   return figures;
@@ -323,6 +325,7 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
   json["overshoot_n"] = number_or_null(score.overshoot_newton);
   json["beyond_s"] = number_or_null(score.beyond_s);
   json["damage_n_s"] = number_or_null(score.damage_newton_s);
+  if (!score.tissues.empty()) json["tissues"] = tissues_json(score.tissues);
   json["ticks"] = score.ticks;
   json["missing_ticks"] = score.missing_ticks;
   json["missing_ratio"] = score.missing_ratio();

@@ -12,6 +12,7 @@
 
 #include "common/task/force_figures.h"
 #include "common/task/needle_score.h"
+#include "common/task/tissue_damage.h"
 #include "common/task/traction_score.h"
 #include "common/telemetry/run_messages.h"
 
@@ -81,6 +82,7 @@ struct TaskScore {
   double overshoot_newton = kNotKnown;   ///< the largest force beyond it
   double beyond_s = kNotKnown;           ///< time beyond it
   double damage_newton_s = kNotKnown;    ///< ∫ (F − limit) dt beyond it
+  std::vector<TissueDamage> tissues{};   ///< with a limit
   // of the telemetry
   std::uint64_t ticks = 0;
   std::uint64_t missing_ticks = 0;

@@ -231,23 +231,32 @@ std::string table_csv(const std::vector<NamedScore>& scores) {
 std::string regions_csv(const std::vector<NamedScore>& scores) {
   std::string csv =
       "run,region,outcome,found_after_s,mark_distance_m,palpable_n,contrast_ratio,punctures,"
-      "punctured_after_s,puncture_depth_m,puncture_n,force_median_n,force_p95_n,force_most_n,"
-      "touch_s\n";
+      "punctured_after_s,puncture_depth_m,puncture_n,beyond_s,damage_n_s,force_median_n,"
+      "force_p95_n,force_most_n,touch_s\n";
   for (const NamedScore& one : scores) {
     const std::string run = csv_cell(one.run);
     for (const TargetScore& target : one.score.targets) {
-      csv +=
-          fmt::format("{},{},{},{},{},{},{},,,,,", run, csv_cell(target.name), name(target.outcome),
-                      csv_number(target.found_after_s), csv_number(target.mark_distance_m),
-                      csv_number(target.palpable_newton), csv_number(target.contrast_ratio)) +
-          force_cells(target.force);
+      csv += fmt::format("{},{},{},{},{},{},{},,,,,,,", run, csv_cell(target.name),
+                         name(target.outcome), csv_number(target.found_after_s),
+                         csv_number(target.mark_distance_m), csv_number(target.palpable_newton),
+                         csv_number(target.contrast_ratio)) +
+             force_cells(target.force);
     }
     if (one.score.is_search()) {
-      csv += run + ",elsewhere,,,,,,,,,," + force_cells(one.score.elsewhere);
+      csv += run + ",elsewhere,,,,,,,,,,,," + force_cells(one.score.elsewhere);
+    }
+    for (const TissueDamage& tissue : one.score.tissues) {
+      const char* const outcome = !tissue.is_seen                 ? ""
+                                  : tissue.is_damaged()           ? "damaged"
+                                  : tissue.overshoot_newton > 0.0 ? "beyond"
+                                                                  : "within";
+      csv += fmt::format("{},{},{},,,,,,,,,{},{},", run, csv_cell(tissue.name), outcome,
+                         csv_number(tissue.beyond_s), csv_number(tissue.damage_newton_s)) +
+             force_cells(tissue.force);
     }
     if (!one.score.needle) continue;
     for (const LayerScore& layer : one.score.needle->layers) {
-      csv += fmt::format("{},{},{},,,,,{},{},{},{},", run, csv_cell(layer.name),
+      csv += fmt::format("{},{},{},,,,,{},{},{},{},,,", run, csv_cell(layer.name),
                          layer.is_spared ? "spared" : "", layer.punctures,
                          csv_number(layer.punctured_after_s), csv_number(layer.puncture_depth_m),
                          csv_number(layer.puncture_newton)) +

@@ -87,6 +87,12 @@ SearchedSurface::SearchedSurface(const SurfaceMesh& mesh, const std::optional<Re
   sort_into_cells();
 }
 
+SearchedSurface SearchedSurface::of_no_area(const SurfaceMesh& mesh, double radius_m) {
+  constexpr double kNowhere_m = 1e9;
+  return {mesh, SphereGeometry{.center_m = Vector3::Constant(kNowhere_m), .radius_m = 0.0},
+          radius_m};
+}
+
 void SearchedSurface::sample(std::uint32_t triangle, const Corners& piece,
                              const std::optional<RegionGeometry>& area) {
   const std::uint64_t number = 2 * points_.size();

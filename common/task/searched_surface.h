@@ -33,6 +33,9 @@ class SearchedSurface {
   SearchedSurface(const SurfaceMesh& mesh, const std::optional<RegionGeometry>& area,
                   double radius_m);
 
+  /// Nothing is to be searched: it tells where a tip is.
+  [[nodiscard]] static SearchedSurface of_no_area(const SurfaceMesh& mesh, double radius_m);
+
   [[nodiscard]] bool empty() const { return points_.empty(); }
 
   /// A place on the surface.

@@ -57,7 +57,9 @@ void TaskView::journal(const TickRow& row) {
 /// Rows of a process before this one are of the past, so that all marks and the surface must be
 /// there first.
 bool TaskView::waits(const TickRow& row) const {
-  const bool has_all = has_run_ && (scene_ || session_.task->palpation() == nullptr);
+  const bool needs_scene =
+      session_.task->palpation() != nullptr || !session_.task->tissue_limits.empty();
+  const bool has_all = has_run_ && (scene_ || !needs_scene);
   return !has_all && row.device.sampled_at - began_at_ < kMarksPatience;
 }
 

@@ -106,6 +106,25 @@ TEST(TaskRules, ATargetIsABallOfTheTissueAndOnlyOnce) {
   EXPECT_THAT(target("lesion: 0 palpable_newton: -1"), is_at("palpable_newton", "must be"));
 }
 
+TEST(TaskRules, ALimitIsOfATissueThatRestsAndOnlyOnce) {
+  const auto limit = [](const std::string& fields) {
+    return task_complaints("free {} tissue_limit { " + fields + " }");
+  };
+  EXPECT_THAT(limit("tissue: 'pad' most_force_newton: 2 most_damage_newton_s: 0.5"), IsEmpty());
+  EXPECT_THAT(limit("most_force_newton: 2"), is_at("task.tissue_limit[0].tissue", "name a tissue"));
+  EXPECT_THAT(limit("tissue: 'pad'"), is_at("most_force_newton", "give the largest force"));
+  EXPECT_THAT(limit("tissue: 'liver' most_force_newton: 2"), is_at("tissue", "of this name"));
+  EXPECT_THAT(limit("tissue: 'beating' most_force_newton: 2"), is_at("tissue", "must be at rest"));
+  EXPECT_THAT(limit("tissue: 'pad' most_force_newton: 2 } tissue_limit { tissue: 'pad' "
+                    "most_force_newton: 3"),
+              is_at("tissue_limit[1].tissue", "has a limit already"));
+  const Session session = parse_session(
+      session_with("free {} tissue_limit { tissue: 'pad' most_force_newton: 2 }"), "x", {}, "/tmp");
+  ASSERT_EQ(session.task->tissue_limits.size(), 1U);
+  EXPECT_EQ(session.task->tissue_limits[0].tissue, 1U);
+  EXPECT_FALSE(session.task->tissue_limits[0].most_damage_newton_s);
+}
+
 TEST(TaskRules, RangesAndPlaces) {
   EXPECT_THAT(task_complaints("free {} time_s: 0.5"), is_at("task.time_s", "must be"));
   EXPECT_THAT(task_complaints("free {} most_force_newton: 0"),

@@ -262,6 +262,32 @@ TractionTask to_traction(const Fields& fields, const SceneConfig& scene) {
   return task;
 }
 
+void add_limits(const Fields& fields, const SceneConfig& scene, TaskConfig& task) {
+  for (const Fields& one : fields.messages("tissue_limit")) {
+    TissueLimit limit{.most_force_newton = one.number("most_force_newton", kUnknown)};
+    static_cast<void>(one.has_required("most_force_newton"));
+    if (one.has("most_damage_newton_s")) {
+      limit.most_damage_newton_s = one.number("most_damage_newton_s");
+    }
+    if (!one.has_required("tissue")) continue;
+    limit.name = one.text("tissue");
+    const TissueConfig* tissue = tissue_of(scene, limit.name);
+    if (tissue == nullptr) {
+      one.problem("tissue", kNoTissue);
+      continue;
+    }
+    if (!tissue->motion.amplitude_m.isZero()) {
+      one.problem("tissue", "moves; a tissue with a limit must be at rest, without motion");
+    }
+    limit.tissue = static_cast<std::size_t>(tissue - scene.tissues.data());
+    if (std::any_of(task.tissue_limits.begin(), task.tissue_limits.end(),
+                    [&](const TissueLimit& other) { return other.tissue == limit.tissue; })) {
+      one.problem("tissue", "has a limit already; give one for each tissue");
+    }
+    task.tissue_limits.push_back(std::move(limit));
+  }
+}
+
 }  // namespace
 
 TaskConfig to_task(const Fields& fields, const SceneConfig& scene) {
@@ -275,6 +301,7 @@ TaskConfig to_task(const Fields& fields, const SceneConfig& scene) {
   if (fields.has("most_force_newton")) {
     task.most_force_newton = fields.number("most_force_newton");
   }
+  add_limits(fields, scene, task);
   if (fields.has("mark_button")) {
     task.mark_button = static_cast<std::uint32_t>(fields.integer("mark_button"));
   }
