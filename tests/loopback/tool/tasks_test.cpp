@@ -59,6 +59,7 @@ scene {
 }
 task {
   mark_button: 0 most_force_newton: 1.5
+  tissue_limit { tissue: "pad" most_force_newton: 0.4 most_damage_newton_s: 0.01 }
   palpation { tissue: "pad" target { name: "ball" lesion: 0 palpable_newton: 0.5 } least_force_newton: 0.3 }
 }
 viewer { web { disabled: true } }
@@ -97,6 +98,7 @@ TEST_F(Tasks, ALockstepRunAndItsRecordingHaveOneScore) {
   EXPECT_EQ(task["missing_ticks"], 0);
   ASSERT_THAT(task["marks"], SizeIs(1));
   EXPECT_GT(task["coverage_ratio"], 0.0);
+  EXPECT_EQ(task["tissues"][0]["is_damaged"], true);
   EXPECT_EQ(scored({path("run.mcap")})["runs"][path("run.mcap")], task);
   EXPECT_THAT(run.out, HasSubstr("\ntask\n"));
 
