@@ -13,6 +13,7 @@ using Corners = std::array<Vector3, 3>;
 constexpr double kPointsPerRadius = 24.0;
 constexpr double kPointsOutside = 6.0;  // of the area: only to know where a tip is
 constexpr std::size_t kMostOutside = 100'000;
+constexpr double kFarthestCell = 1e9;  // differences fit 32 bits
 
 double area_of(const Corners& triangle) {
   return 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
@@ -112,7 +113,10 @@ void SearchedSurface::sample(std::uint32_t triangle, const Corners& piece,
 }
 
 SearchedSurface::Cell SearchedSurface::cell_of(const Vector3& place_m) const {
-  const auto index = [&](double x) { return static_cast<std::int32_t>(std::floor(x / cell_m_)); };
+  const auto index = [&](double x) {
+    return static_cast<std::int32_t>(
+        std::clamp(std::floor(x / cell_m_), -kFarthestCell, kFarthestCell));
+  };
   return {index(place_m.x()), index(place_m.y()), index(place_m.z())};
 }
 
@@ -120,7 +124,14 @@ void SearchedSurface::sort_into_cells() {
   const auto range_of = [&](const Point& point) -> auto& {
     return cells_[cell_of(point.place_m.cast<double>())];
   };
-  for (const Point& point : points_) ++range_of(point).second;
+  for (const Point& point : points_) {
+    ++range_of(point).second;
+    const Cell cell = cell_of(point.place_m.cast<double>());
+    for (std::size_t i = 0; i < 3; ++i) {
+      first_cell_[i] = std::min(first_cell_[i], cell[i]);
+      last_cell_[i] = std::max(last_cell_[i], cell[i]);
+    }
+  }
   std::uint32_t first = 0;
   for (auto& [cell, range] : cells_) {
     const std::uint32_t count = range.second;
@@ -135,14 +146,24 @@ void SearchedSurface::sort_into_cells() {
 template <class Visit>
 void SearchedSurface::for_shell(const Cell& middle, std::int32_t distance,
                                 const Visit& visit) const {
-  for (std::int32_t x = -distance; x <= distance; ++x) {
-    for (std::int32_t y = -distance; y <= distance; ++y) {
-      const bool is_edge = std::abs(x) == distance || std::abs(y) == distance;
-      const std::int32_t step = is_edge ? 1 : std::max(2 * distance, 1);
-      for (std::int32_t z = -distance; z <= distance; z += step) {
-        const auto cell = cells_.find({middle[0] + x, middle[1] + y, middle[2] + z});
-        if (cell == cells_.end()) continue;
-        for (std::uint32_t i = cell->second.first; i < cell->second.second; ++i) visit(i);
+  Cell first;  // of the cube that has points
+  Cell last;
+  for (std::size_t i = 0; i < 3; ++i) {
+    first[i] = std::max(-distance, first_cell_[i] - middle[i]);
+    last[i] = std::min(distance, last_cell_[i] - middle[i]);
+  }
+  const auto go = [&](std::int32_t x, std::int32_t y, std::int32_t z) {
+    const auto cell = cells_.find({middle[0] + x, middle[1] + y, middle[2] + z});
+    if (cell == cells_.end()) return;
+    for (std::uint32_t i = cell->second.first; i < cell->second.second; ++i) visit(i);
+  };
+  for (std::int32_t x = first[0]; x <= last[0]; ++x) {
+    for (std::int32_t y = first[1]; y <= last[1]; ++y) {
+      if (std::abs(x) == distance || std::abs(y) == distance) {
+        for (std::int32_t z = first[2]; z <= last[2]; ++z) go(x, y, z);
+      } else {
+        if (first[2] == -distance) go(x, y, -distance);
+        if (last[2] == distance) go(x, y, distance);
       }
     }
   }

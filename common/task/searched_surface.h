@@ -90,6 +90,9 @@ class SearchedSurface {
   std::vector<Point> points_;
   std::vector<Vector3> normals_;  // of the triangles
   std::unordered_map<Cell, std::pair<std::uint32_t, std::uint32_t>, CellHash> cells_;
+  static constexpr std::int32_t kFarCell = 1'000'000'000;
+  Cell first_cell_{kFarCell, kFarCell, kFarCell};  // that has points
+  Cell last_cell_{-kFarCell, -kFarCell, -kFarCell};
 };
 
 }  // namespace palpate

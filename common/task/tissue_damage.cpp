@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kFar_m = 0.1;  // of a tip from the surface at rest
+constexpr double kDeepest_m = 0.05;  // of a tip below the surface at rest
 
 }  // namespace
 
@@ -44,7 +44,7 @@ void TissueWatch::take(const SceneState& scene) {
 /// Pressed tissue gives way, so the tip is then inside its surface at rest, or nearer than its
 /// radius. Beside an edge the plane of the nearest place goes on where the surface does not.
 bool TissueWatch::touches(const SearchedSurface& surface, const Vector3& tip_m) const {
-  const auto foot = surface.foot_of(tip_m, kFar_m);
+  const auto foot = surface.foot_of(tip_m, kDeepest_m);
   if (!foot) return false;
   const Vector3 from_foot_m = tip_m - foot->point_m;
   const double height_m = from_foot_m.dot(foot->normal);
