@@ -158,7 +158,7 @@ void BulletBody::add_sphere(const Vector3d& centre_m, double radius_m) {
   auto& distances = world_->world.getWorldInfo().m_sparsesdf;
   distances.setDefaultVoxelsz(static_cast<btScalar>(kVoxelRatio * radius_m));
   distances.Reset();
-  // With the defaults, 0.06 and 0.01 and split impulses, the sphere sinks in by half its depth or more.
+  // With the defaults, 0.06 and 0.01 and split impulses, less than half of the force is there.
   btContactSolverInfo& contact = world_->world.getSolverInfo();
   contact.m_splitImpulse = 0;
   contact.m_deformable_erp = 1;
