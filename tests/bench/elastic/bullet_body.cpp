@@ -177,6 +177,7 @@ std::vector<Vector3d> BulletBody::elastic_newton() {
   forces.resize(soft.m_nodes.size(), btVector3(0, 0, 0));
   world_->elasticity->addScaledForces(1, forces);
   std::vector<Vector3d> newton;
+  newton.reserve(static_cast<std::size_t>(soft.m_nodes.size()));
   for (int i = 0; i < soft.m_nodes.size(); ++i) {
     newton.push_back(from_bullet(forces[soft.m_nodes[i].index]));
   }
