@@ -4,11 +4,16 @@
 from __future__ import annotations
 
 import gc
+import json
+import struct
 import subprocess
 import sys
 import tempfile
 import unittest
+import zlib
 from pathlib import Path
+from typing import Any, Iterator
+from unittest import mock
 
 import numpy as np
 
@@ -31,6 +36,77 @@ FLOOR = """scene {
   tool { tip_radius_m: 0.005 }
   tissue { name: "floor" half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } }
 }"""
+
+
+def mcap_records(content: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Offset, opcode and content of each record of MCAP."""
+    at = 0
+    while at < len(content):
+        opcode, length = struct.unpack_from("<BQ", content, at)
+        yield at, opcode, content[at + 9:at + 9 + length]
+        at += 9 + length
+    assert at == len(content), "the last record is cut off"
+
+
+def mcap_strings(content: bytes, count: int) -> tuple[list[str], bytes]:
+    found = []
+    for _ in range(count):
+        length = struct.unpack_from("<I", content)[0]
+        found.append(content[4:4 + length].decode())
+        content = content[4 + length:]
+    return found, content
+
+
+def read_mcap(file: Path) -> dict[str, Any]:
+    """What is in a file, found through its summary alone, as readers that seek do."""
+    data = file.read_bytes()
+    magic = b"\x89MCAP0\r\n"
+    assert data[:8] == data[-8:] == magic
+    opcode, length, start, offsets, crc = struct.unpack("<BQQQI", data[-37:-8])
+    assert (opcode, length) == (2, 20) and crc == zlib.crc32(data[start:-12])
+    schemas, topics, found = {}, {}, {"chunks": 0, "messages": {}, "schemas": {}, "shapes": {}, "metadata": {}}
+    for _, opcode, record in mcap_records(data[start:offsets]):
+        if opcode == 3:
+            (_, encoding, schema), _ = mcap_strings(record[2:], 3)
+            assert encoding == "jsonschema"
+            schemas[record[:2]] = json.loads(schema)
+        elif opcode == 4:
+            (topic, encoding), rest = mcap_strings(record[4:], 2)
+            assert encoding == "json"
+            topics[record[:2]] = topic
+            found["schemas"][topic] = schemas[record[2:4]]
+            found["shapes"][topic] = json.loads(mcap_strings(rest[4:], 2)[0][1])
+            found["messages"][topic] = []
+        elif opcode == 0x0B:
+            found["count"], *_, found["begin_ns"], found["end_ns"] = struct.unpack_from("<QHIIIIQQ", record)
+        elif opcode == 8:
+            begin, end, at, size = struct.unpack_from("<QQQQ", record)
+            ((_, inside, chunk),) = mcap_records(data[at:at + size])
+            records = chunk[40:]
+            assert inside == 6 and zlib.crc32(records) == struct.unpack_from("<I", chunk, 24)[0]
+            found["chunks"] += 1
+            for place in range(36, 36 + struct.unpack_from("<I", record, 32)[0], 10):  # of the index of each channel
+                channel, where = struct.unpack_from("<2sQ", record, place)
+                _, inside, index = next(mcap_records(data[where:offsets]))
+                assert inside == 7 and index[:2] == channel
+                for time_ns, offset in struct.iter_unpack("<QQ", index[6:]):
+                    message = next(mcap_records(records[offset:]))[2]
+                    assert message[:2] == channel and begin <= time_ns <= end
+                    number, *times = struct.unpack_from("<IQQ", message, 2)
+                    assert times == [time_ns, time_ns] and number == len(found["messages"][topics[channel]])
+                    found["messages"][topics[channel]].append((time_ns, json.loads(message[22:])["value"]))
+        elif opcode == 0x0D:
+            at, size = struct.unpack_from("<QQ", record)
+            ((_, _, metadata),) = mcap_records(data[at:at + size])
+            (name,), rest = mcap_strings(metadata, 1)
+            rest = rest[4:]
+            while rest:
+                (key, value), rest = mcap_strings(rest, 2)
+                found["metadata"][name, key] = value
+    # what precedes the summary is whole, too, and has the sum that its last record tells
+    *_, (last, opcode, end) = mcap_records(data[8:start])
+    assert opcode == 0x0F and struct.unpack("<I", end)[0] == zlib.crc32(data[:8 + last])
+    return found
 
 
 @unittest.skipIf(pt is None, "palpate_tissue has no library: target palpate_tissue_c is not built")
@@ -186,6 +262,46 @@ class Tissue(unittest.TestCase):
             with h5py.File(file) as read:
                 np.testing.assert_array_equal(read["observation"], rows["observation"])
                 self.assertEqual(read.attrs["policy"], "scripted")
+
+    def test_rows_are_written_as_mcap(self) -> None:
+        rng = np.random.default_rng(2)
+        rows = {"force": rng.normal(size=(50, 2, 3)), "depth": rng.normal(size=50).astype(np.float32),
+                "is_done": rng.integers(0, 2, 50).astype(bool), "error": np.full((50, 1), np.nan)}
+        rows["error"][1:] = 0.25
+        times = 0.5 + 0.001 * np.arange(50)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "rows.mcap"
+            with mock.patch("palpate_tissue.mcap_file.CHUNK_BYTES", 2000):
+                pt.rows.write_mcap(file, rows, times, {"policy": "scripted", "seed": 3})
+            read = read_mcap(file)
+        self.assertGreater(read["chunks"], 5)
+        self.assertEqual((read["count"], read["begin_ns"], read["end_ns"]), (200, 500_000_000, 549_000_000))
+        self.assertEqual(read["metadata"], {("about", "policy"): "scripted", ("about", "seed"): "3"})
+        self.assertEqual(read["shapes"], {"force": [2, 3], "depth": [], "is_done": [], "error": [1]})
+        self.assertEqual(read["schemas"]["force"], {"type": "object", "properties": {
+            "value": {"type": "array", "items": {"type": "number"}}}})
+        self.assertEqual(read["schemas"]["is_done"], {"type": "object", "properties": {"value": {"type": "boolean"}}})
+        for name, values in rows.items():
+            self.assertEqual([time_ns for time_ns, _ in read["messages"][name]], [500_000_000 + 1_000_000 * i for i in range(50)])
+            back = np.array([value for _, value in read["messages"][name]], dtype=values.dtype).reshape(values.shape)
+            np.testing.assert_array_equal(back, values)
+        self.assertEqual(read["messages"]["error"][0][1], [None])
+
+    def test_rows_that_are_wrong_write_no_mcap(self) -> None:
+        two = [0.0, 1.0]
+        for rows, times, words in (
+                ({"a": [1, 2, 3]}, two, "a: 3 rows for 2 times; give one row"), ({"a": 1.0}, two, "a: no rows for 2"),
+                ({"a": ["x", "y"]}, two, "a: <U1; give numbers"), ({"a": [[1], [1, 2]]}, two, "a: object; give numbers"),
+                ({"a": [1j, 2j]}, two, "complex128; give numbers"), ({"": two}, two, "give each one a name"),
+                ({}, two, "give at least one name"), ({"a": two}, [1.0, 1.0], r"times_s\[1\] = 1.0 after 1.0: must ascend"),
+                ({"a": two}, [1.0, 0.5], "must ascend.*sort the rows"), ({"a": two}, [0.0, np.nan], r"times_s\[1\] = nan: must be finite"),
+                ({"a": two}, [-1.0, 0.0], r"times_s\[0\] = -1.0: .*subtract the first"), ({"a": two}, [0.0, np.inf], "must be finite"),
+                ({"a": two}, ["0", "1"], "times_s: <U1"), ({"a": []}, [], r"times_s: float64 \(0,\); give the time of each row")):
+            with tempfile.TemporaryDirectory() as folder, self.subTest(words):
+                file = Path(folder) / "rows.mcap"
+                with self.assertRaisesRegex(ValueError, words):
+                    pt.rows.write_mcap(file, rows, times)
+                self.assertFalse(file.exists())
 
     def test_a_device_gets_forces_that_are_short_enough(self) -> None:
         class Device:

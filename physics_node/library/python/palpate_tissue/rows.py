@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of runs for other tools: HDF5, the features of a LeRobot dataset, and force feedback of a device in the
-shape of Isaac Lab's."""
+"""Rows of runs for other tools: HDF5, MCAP, the features of a LeRobot dataset, and force feedback of a device in
+the shape of Isaac Lab's."""
 
 from __future__ import annotations
 
+import json
 from os import PathLike, fspath
-from typing import Any, Mapping, Sequence, Union
+from typing import Any, Iterator, Mapping, Sequence, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .batch import Batch
+from .library import version
+from .mcap_file import McapFile
+
+_LATEST_S = 9e9  # the year 2255; nanoseconds of it fit into 63 bits
 
 
 def write_hdf5(file: Union[str, PathLike[str]], rows: Mapping[str, ArrayLike],
@@ -27,6 +32,84 @@ def write_hdf5(file: Union[str, PathLike[str]], rows: Mapping[str, ArrayLike],
         for name, value in rows.items():
             out.create_dataset(name, data=np.asarray(value), compression="gzip")
         out.attrs.update(about)
+
+
+def write_mcap(file: Union[str, PathLike[str]], rows: Mapping[str, ArrayLike], times_s: ArrayLike,
+               about: Mapping[str, Union[str, float]] = {}) -> None:
+    """One channel for each name, for Foxglove and the `mcap` tools; `about` as the metadata "about".
+
+    A row is a JSON message {"value": …}: a number, or the list of its numbers, the last index fastest, whose shape
+    the channel's metadata "shape" tells. Numbers that are not finite become null.
+
+    :param rows: numbers or truth values, the rows first
+    :param times_s: (rows,), s, from 0 on; ascending
+    :raises ValueError: which row, name or time is wrong, and what to give
+    """
+    times_ns = _times_ns(times_s)
+    arrays: dict[str, NDArray[Any]] = {}
+    for name, value in rows.items():
+        try:
+            array: NDArray[Any] = np.asarray(value)
+        except ValueError:  # rows of different shapes
+            array = np.asarray(None)
+        if not name:
+            raise ValueError('rows: a name is ""; give each one a name')
+        if array.dtype.kind not in "biuf":
+            raise ValueError(f"{name}: {array.dtype}; give numbers or truth values, each row of the same shape")
+        if array.ndim == 0 or len(array) != len(times_ns):
+            raise ValueError(f"{name}: {len(array) if array.ndim else 'no'} rows for {len(times_ns)} times; "
+                             "give one row for each time")
+        arrays[name] = array
+    if not arrays:
+        raise ValueError("rows: there are none; give at least one name with its rows")
+    with open(fspath(file), "wb") as out:
+        mcap = McapFile(out, f"palpate_tissue {version()}")
+        channels = {name: mcap.add_channel(name, f"palpate_tissue.{name}", _schema(array),
+                                           {"shape": json.dumps(array.shape[1:])})
+                    for name, array in arrays.items()}
+        mcap.add_metadata("about", {key: str(value) for key, value in about.items()})
+        messages = {name: _messages(array) for name, array in arrays.items()}
+        for time_ns in times_ns:
+            for name, channel in channels.items():
+                mcap.write(channel, time_ns, next(messages[name]))
+        mcap.finish()
+
+
+def _times_ns(times_s: ArrayLike) -> list[int]:
+    times: NDArray[Any] = np.asarray(times_s)
+    if times.dtype.kind not in "iuf" or times.ndim != 1 or len(times) == 0:
+        raise ValueError(f"times_s: {times.dtype} {times.shape}; give the time of each row in s, (rows,)")
+    for i, time in enumerate(times):
+        if not 0.0 <= time <= _LATEST_S:
+            raise ValueError(f"times_s[{i}] = {time}: must be finite, 0 to {_LATEST_S:g} s; subtract the first time")
+    times_ns = [int(round(float(time) * 1e9)) for time in times]
+    for i, (before, after) in enumerate(zip(times_ns, times_ns[1:]), 1):
+        if after <= before:
+            raise ValueError(f"times_s[{i}] = {times[i]} after {times[i - 1]}: must ascend, by at least 1 ns; sort the "
+                             "rows, or write one file for each run")
+    return times_ns
+
+
+def _schema(array: NDArray[Any]) -> dict[str, Any]:
+    number = {"type": {"b": "boolean", "f": "number"}.get(array.dtype.kind, "integer")}
+    value = number if array.ndim == 1 else {"type": "array", "items": number}
+    return {"type": "object", "properties": {"value": value}}
+
+
+def _messages(array: NDArray[Any]) -> Iterator[bytes]:
+    flat = array if array.ndim == 1 else array.reshape(len(array), -1)
+    is_finite = array.dtype.kind != "f" or bool(np.isfinite(array).all())
+    for row in flat:
+        value = row.tolist()
+        if not is_finite:
+            value = _with_nulls(value)
+        yield json.dumps({"value": value}, allow_nan=False).encode()
+
+
+def _with_nulls(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_with_nulls(one) for one in value]
+    return value if np.isfinite(value) else None
 
 
 def lerobot_features(rows: Mapping[str, ArrayLike],
