@@ -2,6 +2,7 @@
 #include "physics_node/elastic/linear/dense_kernels.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -21,6 +22,7 @@ struct Products {
 };
 /// Of one instruction set.
 struct Kernels {
+  int bytes;  // of a vector
   bool (*factor)(double* a, int n, int pivots);
   void (*invert)(double* a, int n, int pivots);
   void (*add_three)(const float* m, int n, const float* x, float* y);
@@ -55,25 +57,41 @@ namespace avx512 {
 #pragma GCC pop_options
 #endif
 
-/// Of this processor.
-const Kernels& kernels() {
+/// The widest that this processor has.
+const Kernels& kernels_of(int most_bytes) {
 #ifdef PALPATE_HAS_SETS
-  static const Kernels& chosen = [&]() -> const Kernels& {
-    const bool is_v3 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
-                       __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2");
-    if (!is_v3) return baseline::kKernels;
-    const bool is_v4 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-                       __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
-                       __builtin_cpu_supports("avx512vl");
-    return is_v4 ? avx512::kKernels : avx2::kKernels;
-  }();
-  return chosen;
-#else
-  return baseline::kKernels;
+  const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
+                        __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2");
+  const bool has_avx512 = has_avx2 && __builtin_cpu_supports("avx512f") &&
+                          __builtin_cpu_supports("avx512bw") &&
+                          __builtin_cpu_supports("avx512cd") &&
+                          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+  if (has_avx512 && most_bytes >= avx512::kKernels.bytes) return avx512::kKernels;
+  if (has_avx2 && most_bytes >= avx2::kKernels.bytes) return avx2::kKernels;
 #endif
+  static_cast<void>(most_bytes);
+  return baseline::kKernels;
+}
+
+constexpr int kWidest = 64;
+std::atomic<const Kernels*> in_use{nullptr};
+
+const Kernels& kernels() {
+  const Kernels* chosen = in_use.load(std::memory_order_relaxed);
+  if (chosen == nullptr) {
+    chosen = &kernels_of(kWidest);
+    in_use.store(chosen, std::memory_order_relaxed);
+  }
+  return *chosen;
 }
 
 }  // namespace
+
+int limit_vectors(int most_bytes) {
+  const Kernels& chosen = kernels_of(most_bytes);
+  in_use.store(&chosen, std::memory_order_relaxed);
+  return chosen.bytes;
+}
 
 bool partial_cholesky(double* a, int n, int pivots) { return kernels().factor(a, n, pivots); }
 void invert_pivots(double* a, int n, int pivots) { kernels().invert(a, n, pivots); }

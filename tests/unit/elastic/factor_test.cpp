@@ -4,8 +4,12 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <memory>
 #include <random>
+#include <type_traits>
+#include <utility>
+#include <vector>
 
 #include "physics_node/elastic/body.h"
 #include "physics_node/elastic/linear/block_cholesky.h"
@@ -83,6 +87,64 @@ TEST(BlockCholesky, BothOrdersOfEliminationTakeEveryNodeOnceAndGiveTheSameSoluti
     solutions.push_back(x);
   }
   EXPECT_LT((solutions[0] - solutions[1]).norm(), 1e-9 * solutions[0].norm());
+}
+
+/// What every kernel makes of numbers that are always the same, one after the other.
+std::vector<double> made_by_kernels(int n, int columns) {
+  const auto rows = static_cast<std::size_t>(padded(n));
+  const auto width = static_cast<std::size_t>(columns);
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> number(-1.0, 1.0);
+  std::vector<double> a(rows * static_cast<std::size_t>(n));
+  for (double& value : a) value = number(random);
+  for (std::size_t j = 0; j < static_cast<std::size_t>(n); ++j) a[rows * j + j] = n;
+  EXPECT_TRUE(partial_cholesky(a.data(), n, columns));
+  std::vector<double> all;
+  const auto keep = [&](const auto& values) {
+    for (const auto value : values) all.push_back(static_cast<double>(value));
+  };
+  for (std::size_t j = 0; j < static_cast<std::size_t>(n); ++j) {
+    for (std::size_t i = j; i < static_cast<std::size_t>(n); ++i) all.push_back(a[rows * j + i]);
+  }
+  invert_pivots(a.data(), n, columns);
+  a.resize(rows * width);
+  keep(a);
+  const auto products = [&](auto one) {
+    using Scalar = decltype(one);
+    const std::vector<Scalar> m(a.begin(), a.end());
+    std::vector<Scalar> x(rows * kTogether);
+    for (Scalar& value : x) value = static_cast<Scalar>(number(random));
+    std::vector<Scalar> y(x.size());
+    multiply(m.data(), n, columns, x.data(), y.data());
+    keep(y);
+    multiply_transposed(m.data(), n, columns, x.data(), y.data());
+    keep(y);
+    multiply_together(m.data(), n, columns, x.data(), y.data());
+    keep(y);
+    multiply_transposed_together(m.data(), n, columns, x.data(), y.data());
+    keep(y);
+    if constexpr (std::is_same_v<Scalar, float>) {
+      add_three(m.data(), n, x.data(), y.data());
+      keep(y);
+    }
+  };
+  products(0.0F);
+  products(0.0);
+  return all;
+}
+
+TEST(DenseKernels, GiveTheSameToTheBitWhateverTheProcessorHas) {
+  for (const auto& [n, columns] :
+       {std::pair{3, 3}, {17, 5}, {40, 40}, {100, 51}, {130, 97}, {333, kMostPivots}}) {
+    limit_vectors(16);
+    const std::vector<double> expected = made_by_kernels(n, columns);
+    for (const int bytes : {32, 64}) {
+      SCOPED_TRACE(limit_vectors(bytes));
+      const std::vector<double> made = made_by_kernels(n, columns);
+      ASSERT_EQ(made.size(), expected.size());
+      EXPECT_EQ(std::memcmp(made.data(), expected.data(), sizeof(double) * made.size()), 0) << n;
+    }
+  }
 }
 
 TEST(BlockCholesky, RefusesAMatrixThatIsNotPositiveDefinite) {
