@@ -114,7 +114,7 @@ TEST(SessionWarnings, OfATaskThatCannotBeDone) {
   EXPECT_THAT(warnings_of("lump_search.txtpb",
                           {"task.palpation.area={ sphere { center_m { z: 1 } radius_m: 0.01 } }"}),
               Contains(HasSubstr("contains nothing of the surface of tissue \"block\"")));
-  EXPECT_THAT(warnings_of("traction.txtpb", {"task.traction.target_m={ z: 30 }"}),
+  EXPECT_THAT(warnings_of("traction.txtpb", {"task.traction.target_m={ z: 3 }"}),
               ElementsAre(AllOf(HasSubstr("target_m"), HasSubstr("no tissue comes as far"))));
 }
 
