@@ -132,7 +132,7 @@ export class TaskPanel {
 
   /** What the organ shows: what is to be searched, or what was, and the lesions, found or not. */
   show_keys(places: "none" | "area" | "searched", lesions: boolean[]): void {
-    const keys = { none: [], area: [["area", "search here"]], searched: [["searched", "pressed"], ["not-searched", "not pressed"]] }[places];
+    const keys: string[][] = { none: [], area: [["area", "search here"]], searched: [["searched", "pressed"], ["not-searched", "not pressed"]] }[places];
     if (lesions.includes(true)) keys.push(["found", "lesion, found"]);
     if (lesions.includes(false)) keys.push(["not-found", "lesion, not found"]);
     this.map_key.hidden = keys.length === 0;
