@@ -38,7 +38,6 @@ void multiply_together(const double* m, int n, int columns, const double* x, dou
 void multiply_transposed_together(const float* m, int n, int columns, const float* x, float* y);
 void multiply_transposed_together(const double* m, int n, int columns, const double* x, double* y);
 
-
 /// From now on all of these use vectors of at most so many bytes: results are the same to the bit.
 /// For tests. @return  the bytes of those in use
 int limit_vectors(int most_bytes);
