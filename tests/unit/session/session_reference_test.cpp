@@ -78,6 +78,7 @@ TEST(SessionSchema, UnitsAreThoseOfTheNames) {
                                                        {"_current_a", "A"},
                                                        {"_newton_s_per_m", "N·s/m"},
                                                        {"_newton_per_s", "N/s"},
+                                                       {"_newton_s", "N·s"},
                                                        {"_newton_per_m3", "N/m³"},
                                                        {"_newton_per_m", "N/m"},
                                                        {"_newton", "N"},

@@ -77,8 +77,8 @@ std::vector<std::string> assigned(const std::string& assignment) {
     return {link + "={ outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }",
             assignment};
   }
-  if (assignment.starts_with("task.palpation.target")) {
-    return {"task.palpation.target={}", assignment};
+  for (const std::string list : {"task.palpation.target", "task.tissue_limit"}) {
+    if (assignment.starts_with(list)) return {list + "={}", assignment};
   }
   return {assignment};
 }
