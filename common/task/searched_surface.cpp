@@ -124,19 +124,16 @@ void SearchedSurface::sort_into_cells() {
   const auto range_of = [&](const Point& point) -> auto& {
     return cells_[cell_of(point.place_m.cast<double>())];
   };
-  for (const Point& point : points_) {
-    ++range_of(point).second;
-    const Cell cell = cell_of(point.place_m.cast<double>());
-    for (std::size_t i = 0; i < 3; ++i) {
-      first_cell_[i] = std::min(first_cell_[i], cell[i]);
-      last_cell_[i] = std::max(last_cell_[i], cell[i]);
-    }
-  }
+  for (const Point& point : points_) ++range_of(point).second;
   std::uint32_t first = 0;
   for (auto& [cell, range] : cells_) {
     const std::uint32_t count = range.second;
     range = {first, first};
     first += count;
+    for (std::size_t i = 0; i < 3; ++i) {
+      first_cell_[i] = std::min(first_cell_[i], cell[i]);
+      last_cell_[i] = std::max(last_cell_[i], cell[i]);
+    }
   }
   std::vector<Point> sorted(points_.size());
   for (const Point& point : points_) sorted[range_of(point).second++] = point;

@@ -24,6 +24,7 @@ inline double seconds(clockid_t clock) {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 inline double cpu_s() { return seconds(CLOCK_THREAD_CPUTIME_ID); }
+inline double process_cpu_s() { return seconds(CLOCK_PROCESS_CPUTIME_ID); }  ///< all threads
 inline double wall_s() { return seconds(CLOCK_MONOTONIC); }
 
 struct Samples {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <utility>
 
-#include "tests/bench/tissue/cpu_clock.h"
+#include "tests/bench/elastic/elastic_rows.h"
 #include "tests/bench/tissue/recorded.h"
 #include "tests/bench/tissue/tissue_problems.h"
 
@@ -111,31 +111,50 @@ class Comparison::Run {
   std::vector<double> cpu_us_;
 };
 
+/// The same bar twice: of linear elements, and of an eighth as many that are quadratic.
+struct Comparison::Bars {
+  explicit Bars(bool is_quick)
+      : fine(is_quick ? bar_mesh(3, 8) : bar_mesh(6, 16)),
+        coarse(is_quick ? bar_mesh(2, 5) : bar_mesh(3, 8)),
+        linear(counted(fine.element_count(), "linear")),
+        quadratic(counted(coarse.element_count(), "quadratic")) {}
+
+  elastic::Mesh fine;
+  elastic::Mesh coarse;
+  std::string linear;
+  std::string quadratic;
+};
+
+/// Our classes and Bullet. @param bars  must outlive the contenders
+void Comparison::add_solvers(const Bars& bars, elastic::BodyDescription (*body)(elastic::Mesh, Law),
+                             std::vector<Contender>& contenders) {
+  contenders.push_back({"palpate, classes of elastic/", bars.quadratic, kLongStep_s, [&bars, body] {
+                          return elastic_soft_body(
+                              body(elastic::quadratic(bars.coarse), Law::kStableNeoHookean));
+                        }});
+  contenders.push_back({"palpate, classes of elastic/", bars.linear, kLongStep_s, [&bars, body] {
+                          return elastic_soft_body(body(bars.fine, Law::kStableNeoHookean));
+                        }});
+  contenders.push_back({"Bullet, neo-Hookean", bars.linear, kLongStep_s, [&bars, body] {
+                          return bullet_soft_body(body(bars.fine, Law::kStableNeoHookean));
+                        }});
+  contenders.push_back({"Bullet, corotated linear", bars.linear, kLongStep_s, [&bars, body] {
+                          return bullet_soft_body(body(bars.fine, Law::kCorotational));
+                        }});
+}
+
 void Comparison::hang() {
   const Reference reference = references_.sag_m();
   add_reference("hang", reference, 1e3, references_.sag_checks());
   add_known("hang", "slender bar at small strain", "", "closed form", 1e3 * slender_sag_m(),
             1e3 * reference.value);
-  const auto bars = is_quick_ ? std::pair{3, 8} : std::pair{6, 16};
-  const elastic::Mesh fine = bar_mesh(bars.first, bars.second);
-  const elastic::Mesh coarse = is_quick_ ? bar_mesh(2, 5) : bar_mesh(3, 8);
-  const std::string linear = counted(fine.element_count(), "linear");
-  const std::string quadratic = counted(coarse.element_count(), "quadratic");
-  const std::vector<Contender> contenders{
-      {"palpate_tissue, begins at rest", quadratic, kLibraryStep_s,
-       [&] { return library_soft_body(hanging_bar(coarse, Law::kStableNeoHookean), true); }},
-      {"palpate_tissue, begins at rest", linear, kLibraryStep_s,
-       [&] { return library_soft_body(hanging_bar(fine, Law::kStableNeoHookean), false); }},
-      {"palpate, classes of elastic/", quadratic, kLongStep_s,
-       [&] {
-         return elastic_soft_body(hanging_bar(elastic::quadratic(coarse), Law::kStableNeoHookean));
-       }},
-      {"palpate, classes of elastic/", linear, kLongStep_s,
-       [&] { return elastic_soft_body(hanging_bar(fine, Law::kStableNeoHookean)); }},
-      {"Bullet, neo-Hookean", linear, kLongStep_s,
-       [&] { return bullet_soft_body(hanging_bar(fine, Law::kStableNeoHookean)); }},
-      {"Bullet, corotated linear", linear, kLongStep_s,
-       [&] { return bullet_soft_body(hanging_bar(fine, Law::kCorotational)); }}};
+  const Bars bars(is_quick_);
+  std::vector<Contender> contenders{
+      {"palpate_tissue, begins at rest", bars.quadratic, kLibraryStep_s,
+       [&] { return library_soft_body(hanging_bar(bars.coarse, Law::kStableNeoHookean), true); }},
+      {"palpate_tissue, begins at rest", bars.linear, kLibraryStep_s,
+       [&] { return library_soft_body(hanging_bar(bars.fine, Law::kStableNeoHookean), false); }}};
+  add_solvers(bars, hanging_bar, contenders);
   for (const Contender& contender : contenders) hang(contender, reference);
   add_recorded("hang", 1e3 * reference.value);
   table_.add_gap();
@@ -226,21 +245,9 @@ void Comparison::twist() {
   add_reference("twist", reference, 1.0, references_.torque_checks());
   add_known("twist", "Saint-Venant, ends may warp", "", "closed form",
             torsion_stiffness_newton_m2() * kTwist_rad / kBarLength_m, reference.value);
-  const elastic::Mesh fine = is_quick_ ? bar_mesh(3, 8) : bar_mesh(6, 16);
-  const elastic::Mesh coarse = is_quick_ ? bar_mesh(2, 5) : bar_mesh(3, 8);
-  const std::string linear = counted(fine.element_count(), "linear");
-  const std::string quadratic = counted(coarse.element_count(), "quadratic");
-  const std::vector<Contender> contenders{
-      {"palpate, classes of elastic/", quadratic, kLongStep_s,
-       [&] {
-         return elastic_soft_body(twisted_bar(elastic::quadratic(coarse), Law::kStableNeoHookean));
-       }},
-      {"palpate, classes of elastic/", linear, kLongStep_s,
-       [&] { return elastic_soft_body(twisted_bar(fine, Law::kStableNeoHookean)); }},
-      {"Bullet, neo-Hookean", linear, kLongStep_s,
-       [&] { return bullet_soft_body(twisted_bar(fine, Law::kStableNeoHookean)); }},
-      {"Bullet, corotated linear", linear, kLongStep_s,
-       [&] { return bullet_soft_body(twisted_bar(fine, Law::kCorotational)); }}};
+  const Bars bars(is_quick_);
+  std::vector<Contender> contenders;
+  add_solvers(bars, twisted_bar, contenders);
   for (const Contender& contender : contenders) twist(contender, reference);
   table_.add_gap();
 }

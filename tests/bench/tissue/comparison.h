@@ -35,8 +35,12 @@ class Comparison {
     double step_s = 0.0;
     std::function<std::unique_ptr<SoftBody>()> make;
   };
+  struct Bars;
   class Run;
 
+  static void add_solvers(const Bars& bars,
+                          elastic::BodyDescription (*body)(elastic::Mesh, elastic::Law),
+                          std::vector<Contender>& contenders);
   void hang(const Contender& contender, const Reference& reference);
   void press_and_slide(const Contender& contender, const Reference& reference,
                        const References::Along& along);

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "physics_node/library/palpate_tissue.hpp"
-#include "tests/bench/tissue/cpu_clock.h"
+#include "tests/bench/elastic/elastic_rows.h"
 
 namespace palpate::bench {
 namespace {
