@@ -55,6 +55,7 @@ std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
     const std::vector<std::shared_ptr<const ElasticBody>>& bodies,
     const std::filesystem::path& columns_folder) {
   std::vector<std::shared_ptr<BodyCompliance>> made;
+  made.reserve(bodies.size());
   for (const auto& body : bodies) {
     made.push_back(std::make_shared<BodyCompliance>(body, columns_folder));
   }

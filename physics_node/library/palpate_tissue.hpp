@@ -62,6 +62,7 @@ class Scene {
   explicit Scene(palpate_scene* handle) : handle_(handle, &palpate_scene_destroy) {}
   static std::vector<const char*> pointers_to(const std::vector<std::string>& texts) {
     std::vector<const char*> all;
+    all.reserve(texts.size());
     for (const std::string& text : texts) all.push_back(text.c_str());
     return all;
   }
