@@ -53,12 +53,12 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
 
 ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
-  if (state.header.session_id != device_session_) {
+  if (!newest_state_ || state.header.session_id != newest_state_->session_id) {
     begin_device_session();
     disturbed_.reset();
-    if (device_session_) disturbed_ = state.header.sampled_at;  // restarted
+    if (newest_state_) disturbed_ = state.header.sampled_at;  // restarted
   }
-  device_session_ = state.header.session_id;
+  newest_state_ = state.header;
 
   // what acted since the previous state
   const DeviceEcho::Report echo = echo_.take(state);
@@ -146,6 +146,18 @@ void MofcNode::finish_turn() noexcept {
   turn_.reset();
 }
 
+void MofcNode::read_ahead() noexcept {
+  if (!newest_state_) return;
+  Header next = *newest_state_;  // what is read now is first used for the next state
+  next.sampled_at += period_;
+  const auto read = [&](PhysicsInput& input, PhysicsRole role) {
+    input.read_ahead(
+        [&](const Interaction& interaction) { tissue_.receive(role, interaction, next); });
+  };
+  read(physics_, PhysicsRole::kFirst);
+  if (standby_) read(*standby_, PhysicsRole::kStandby);
+}
+
 MofcCounters MofcNode::counters() const noexcept {
   MofcCounters counters = counters_;
   counters.interaction = physics_.counters();
@@ -188,7 +200,7 @@ Wave MofcNode::returned_wave(const Interaction* interaction) const noexcept {
 PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) noexcept {
   const auto take = [&](PhysicsInput& input, PhysicsRole role) {
     return input.take(state, now, [&](const Interaction& interaction) {
-      tissue_.receive(role, interaction, state);
+      tissue_.receive(role, interaction, state.header);
     });
   };
   const auto is_gone = [&](const PhysicsAnswer& answer) {

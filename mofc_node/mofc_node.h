@@ -73,6 +73,9 @@ class MofcNode {
   /// What can wait until the device has its answer: relays the motion, keeps the record.
   void finish_turn() noexcept;
 
+  /// Reads what the physics has sent by now, so that the next answer need not; between two turns.
+  void read_ahead() noexcept;
+
   /// Includes the link counters of `interaction`; those of `device_state` are the caller's.
   [[nodiscard]] MofcCounters counters() const noexcept;
 
@@ -117,7 +120,7 @@ class MofcNode {
   Duration period_;                     // of the device
   std::optional<TimePoint> disturbed_;  // newest reading that something disturbed
   bool has_lost_press_ = false;  // lost its force or the ledger; until the tool leaves the tissue
-  std::optional<std::uint64_t> device_session_;
+  std::optional<Header> newest_state_;
   std::uint64_t next_command_ = 1;
   std::optional<std::uint64_t> used_interaction_;  // sequence of the last one that was evaluated
   GripState grip_ = GripState::kNone;              // of the previous turn

@@ -57,6 +57,12 @@ class PhysicsInput {
     return answer(newest, state, now, is_late);
   }
 
+  /// What the next take() need not read.   @param note  as there
+  template <class Note>
+  void read_ahead(const Note& note) noexcept {
+    if (!waits()) read(note);
+  }
+
   [[nodiscard]] bool waits() const noexcept { return longest_wait_ > Duration::zero(); }
   [[nodiscard]] LinkCounters counters() const noexcept { return in_.counters(); }
 

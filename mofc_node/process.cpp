@@ -22,6 +22,9 @@ namespace {
 
 // How soon a stop is noticed while no device speaks.
 constexpr auto kIdleWait = std::chrono::milliseconds(50);
+// Of the device's period after a state: hop 3 is read then, so that the answer to the next state
+// need not.
+constexpr double kReadAheadAt = 0.8;
 
 /// One below the device's tick: where both share a processor, the device acts on an answer before
 /// this node finishes its turn. Not for threads that spin: the lower one would never run.
@@ -98,6 +101,10 @@ class Clamp::Impl {
         recorder_(flight_files(context, with_side(side_.name, "mofc"))),
         refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
+        clock_(context.clock),
+        read_ahead_after_(threads == ClampThreads::kNone
+                              ? std::optional(from_seconds(kReadAheadAt / side_.device.rate_hz))
+                              : std::nullopt),
         node_(side_.mofc, clamped_device(side_.device), context.clock, physics_.motion_out(),
               physics_.interaction_in(), ticks_, context.session_id,
               standby_ ? std::optional<StandbyLinks>({.motion_out = standby_->motion_out(),
@@ -116,7 +123,15 @@ class Clamp::Impl {
     publisher_.start();
   }
 
-  void wait_until(TimePoint deadline) noexcept { state_in_.wait_until(deadline); }
+  void wait_until(TimePoint deadline) noexcept {
+    if (read_ahead_at_ < deadline) {
+      state_in_.wait_until(read_ahead_at_);
+      if (clock_.now() < read_ahead_at_) return;
+      node_.read_ahead();
+      read_ahead_at_ = TimePoint::max();
+    }
+    state_in_.wait_until(deadline);
+  }
 
   [[nodiscard]] TimePoint next_due() const noexcept { return state_in_.next_due(); }
 
@@ -124,6 +139,7 @@ class Clamp::Impl {
     const Received<DeviceState>* state = state_in_.next();
     if (state == nullptr) return false;
     commands_.send(node_.answer(*state));
+    if (read_ahead_after_) read_ahead_at_ = state->received_at + *read_ahead_after_;
     return true;
   }
 
@@ -167,6 +183,9 @@ class Clamp::Impl {
   RefusedPeersLog refused_peers_;
   RejectionLog refused_states_;
 
+  const Clock& clock_;
+  std::optional<Duration> read_ahead_after_;  // none: threads do
+  TimePoint read_ahead_at_ = TimePoint::max();
   MofcNode node_;
   TelemetryPublisher<MofcTick, MofcCounters> publisher_;  // last: its thread uses the others
 };

@@ -27,8 +27,7 @@ class TissuePair {
              std::uint64_t session_id);
 
   /// Once per Interaction of that physics, in order.
-  void receive(PhysicsRole role, const Interaction& interaction,
-               const DeviceState& state) noexcept {
+  void receive(PhysicsRole role, const Interaction& interaction, const Header& state) noexcept {
     models_[index_of(role)]->receive(interaction, state);
   }
   /// The force starts again from zero, and no tissue remembers the tool.

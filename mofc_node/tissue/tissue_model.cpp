@@ -32,9 +32,9 @@ TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint
       store_(has_store ? std::make_unique<TissueStore>(session_id) : nullptr),
       elastic_(has_store ? std::make_unique<ElasticPatches>(handover_newton_per_s) : nullptr) {}
 
-void TissueModel::receive(const Interaction& interaction, const DeviceState& state) noexcept {
-  const bool is_of_this_session = interaction.device_session_id == state.header.session_id;
-  const TimePoint now = state.header.sampled_at;
+void TissueModel::receive(const Interaction& interaction, const Header& state) noexcept {
+  const bool is_of_this_session = interaction.device_session_id == state.session_id;
+  const TimePoint now = state.sampled_at;
   if (interaction.header.session_id != costly_session_id_) costly_session_id_ = 0;
   if (store_ && !costs_too_much()) {
     store_->take(interaction,

@@ -34,8 +34,8 @@ class TissueModel {
   TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id);
 
   /// Once per Interaction, in order.
-  /// @param state  the DeviceState that is being answered
-  void receive(const Interaction& interaction, const DeviceState& state) noexcept;
+  /// @param state  of the DeviceState that is answered with it
+  void receive(const Interaction& interaction, const Header& state) noexcept;
   /// What to acknowledge on hop 2.
   [[nodiscard]] SurfaceReceipts receipts() const noexcept {
     return store_ && !costs_too_much() ? store_->receipts() : SurfaceReceipts{};

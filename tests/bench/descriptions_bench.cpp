@@ -101,10 +101,10 @@ std::vector<double> tick_times_us(const Genes& genes, std::size_t physics, std::
     const auto role = static_cast<PhysicsRole>(i);
     test::CostlyPhysics rogue = test::costly_physics(genes, pair.receipts(role).store_id, random);
     for (const Interaction& message : rogue.messages) {
-      if (passes(message)) pair.receive(role, received, state);
+      if (passes(message)) pair.receive(role, received, state.header);
     }
     if (passes(rogue.last)) last[i] = received;
-    pair.receive(role, last[i], state);
+    pair.receive(role, last[i], state.header);
     newest[i] = &last[i];
   }
   std::vector<double> times_us;

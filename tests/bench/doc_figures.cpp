@@ -375,15 +375,14 @@ std::string realtime_table(const std::vector<json>& outputs) {
   std::vector<Cells> rows;
   for (const json& row : outputs.at(0).at("rows")) {
     rows.push_back({fmt::format("`{}`", text(row, "session")), text(row, "conditions"),
-                    fmt::format("{} … {}", fixed(row, "rendered_percent", 1),
-                                fixed(row, "rendered_at_most_percent", 1)),
-                    fixed(row, "answered_percent", 2), fixed(row, "skipped_percent", 2),
+                    fixed(row, "transparency_percent", 1), fixed(row, "answered_percent", 2),
+                    fixed(row, "skipped_percent", 2),
                     joined(row, {"reply_p50_us", "reply_p99_us", "reply_p999_us"}, 0),
                     joined(row, {"lateness_p50_us", "lateness_p99_us", "lateness_p999_us"}, 0),
                     joined(row, {"force_age_p50_ms", "force_age_p99_ms"}, 0),
                     energy(number(row.at("min_true_energy_uj"))), fixed(row, "pictures_per_s", 0)});
   }
-  return markdown({"session", "conditions", "rendered %", "answered %", "skipped %",
+  return markdown({"session", "conditions", "T %", "answered %", "skipped %",
                    "reply p50 / p99 / p99.9 µs", "lateness p50 / p99 / p99.9 µs",
                    "force age p50 / p99 ms", "least true energy", "pictures/s"},
                   rows);

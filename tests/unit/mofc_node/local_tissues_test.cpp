@@ -224,7 +224,7 @@ TEST_F(BudgetOfAModel, IsSpentOnTheTissueThatPushesFirst) {
   newest.surface.tiles[0].described_slot = 7;
   newest.surface.tiles[0].slot = kTileSlots - 1;
   newest.surface.coverages[0].described_slot = 7;
-  model_.receive(newest, state_);
+  model_.receive(newest, state_.header);
   for (int i = 0; i < 100; ++i) step(newest);
   ASSERT_NEAR(step(newest).z(), 0.5 * kTip_m * kStiffness, 1e-9);
 
@@ -232,7 +232,7 @@ TEST_F(BudgetOfAModel, IsSpentOnTheTissueThatPushesFirst) {
   const CostlyGenes genes{.tissues = 7, .tiles = (kTileSlots - 1) / 7, .tip_radius_m = 1e-4};
   for (const Interaction& message :
        test::costly_physics(genes, model_.receipts().store_id, random).messages) {
-    model_.receive(message, state_);
+    model_.receive(message, state_.header);
   }
   // until the store is dropped
   for (int i = 0; i < 50; ++i) ASSERT_NEAR(step(newest).z(), 0.5 * kTip_m * kStiffness, 1e-9);
@@ -242,7 +242,7 @@ TEST_F(BudgetOfAModel, IsSpentOnTheTissueThatPushesFirst) {
 // model no faster than any hand-over
 TEST_F(BudgetOfAModel, EndsTheForceOfATissueContinuously) {
   Interaction newest = floor();
-  model_.receive(newest, state_);
+  model_.receive(newest, state_.header);
   Vector3 last = Vector3::Zero();
   for (int i = 0; i < 100; ++i) last = step(newest);
   ASSERT_GT(last.z(), 0.4);
@@ -257,12 +257,12 @@ TEST_F(BudgetOfAModel, EndsTheForceOfATissueContinuously) {
     for (std::uint32_t i = 0; i < message.surface.tile_count; ++i) {
       message.surface.tiles[i].slot += 1;
     }
-    model_.receive(message, state_);
+    model_.receive(message, state_.header);
   }
   newest.surface.number = 0;  // repeats that all is known
   newest.surface.has_description = false;
   newest.surface.tile_count = 0;
-  model_.receive(newest, state_);
+  model_.receive(newest, state_.header);
   for (int i = 0; i < 200; ++i) {
     const Vector3 now = step(newest);
     ASSERT_LE((now - last).norm(), 1e-3 * kRate_newton_per_s * (1.0 + 1e-9)) << i;
@@ -277,27 +277,27 @@ TEST_F(BudgetOfAModel, IsOfferedAnewToARestartedPhysics) {
   const std::uint64_t store_id = model_.receipts().store_id;
   const CostlyGenes genes{.tissues = 1, .tiles = kTileSlots - 1, .spread_m = 1e-5};
   const CostlyPhysics physics = test::costly_physics(genes, store_id, random);
-  for (const Interaction& message : physics.messages) model_.receive(message, state_);
-  model_.receive(physics.last, state_);
+  for (const Interaction& message : physics.messages) model_.receive(message, state_.header);
+  model_.receive(physics.last, state_.header);
   for (int i = 0; i < 200; ++i) step(physics.last);
   EXPECT_TRUE(model_.costs_too_much());
   EXPECT_EQ(model_.receipts().store_id, 0u);  // nothing more is to be described
 
   Interaction restarted = floor();
   restarted.header.session_id = 10;
-  model_.receive(restarted, state_);
+  model_.receive(restarted, state_.header);
   EXPECT_FALSE(model_.costs_too_much());
   EXPECT_NE(model_.receipts().store_id, 0u);
   EXPECT_NE(model_.receipts().store_id, store_id);
   restarted.surface.store_id = model_.receipts().store_id;
-  model_.receive(restarted, state_);
+  model_.receive(restarted, state_.header);
   for (int i = 0; i < 100; ++i) step(restarted);
   EXPECT_NEAR(step(restarted).z(), 0.5 * kTip_m * kStiffness, 1e-9);
 }
 
 TEST_F(BudgetOfAModel, OfAPhysicsThatIsGoneIsFree) {
   const Interaction newest = floor();
-  model_.receive(newest, state_);
+  model_.receive(newest, state_.header);
   for (int i = 0; i < 100; ++i) step(newest);
   const std::uint64_t store_id = model_.receipts().store_id;
   model_.drop();
@@ -318,12 +318,12 @@ TEST_F(BudgetOfAModel, IsSharedByTwoPhysicsTheOneInUseFirst) {
     TissuePair pair(InteractionUse::kLocal, true, kRate_newton_per_s, 1);
     Interaction honest = floor();
     honest.surface.store_id = pair.receipts(in_use).store_id;
-    pair.receive(in_use, honest, state_);
+    pair.receive(in_use, honest, state_.header);
     Random random(3);
     const CostlyGenes genes{.tissues = 1, .tiles = kTileSlots - 1, .spread_m = 1e-5};
     const CostlyPhysics costly = test::costly_physics(genes, pair.receipts(other).store_id, random);
-    for (const Interaction& message : costly.messages) pair.receive(other, message, state_);
-    pair.receive(other, costly.last, state_);
+    for (const Interaction& message : costly.messages) pair.receive(other, message, state_.header);
+    pair.receive(other, costly.last, state_.header);
     std::array<const Interaction*, kPhysicsRoles> newest{};
     newest[index_of(in_use)] = &honest;
     newest[index_of(other)] = &costly.last;

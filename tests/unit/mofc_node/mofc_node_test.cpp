@@ -157,6 +157,40 @@ TEST_F(MofcNodeTest, HoldsTheNewestForceAndRecordsItsAgeOnTheDevicesClock) {
   EXPECT_EQ(records_.ticks.back().state, MofcState::kContact);
 }
 
+// the next answer uses it as if it had read it itself, but for when it came
+TEST_F(MofcNodeTest, WhatIsReadAheadCountsForTheNextAnswer) {
+  node_.read_ahead();  // before the first state there is nothing to be read for
+  tick();
+  clock_.advance(500us);
+  physics_sends({0, 0, 1.5});
+  node_.read_ahead();
+  Interaction left;
+  TimePoint at;
+  ASSERT_FALSE(interaction_link_.receive(left, at));
+  clock_.advance(500us);
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 1.5);
+  EXPECT_EQ(node_.counters().interaction.accepted, 1u);
+
+  // a newer one that comes after that is used, too
+  clock_.advance(500us);
+  physics_sends({0, 0, 2});
+  node_.read_ahead();
+  physics_sends({0, 0, 3});
+  clock_.advance(500us);
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 3.0);
+
+  // stale after 6 ms from when it came, not from the answer that used it
+  clock_.advance(5500us);
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 3.0);
+  clock_.advance(1ms);
+  EXPECT_LT(tick().force_on_hand_newton.z(), 3.0);
+
+  // what answers another session does not count
+  physics_sends({0, 0, 2});
+  node_.read_ahead();
+  EXPECT_EQ(tick(2).force_on_hand_newton, Vector3::Zero());
+}
+
 // stale at 6 ms of silence, fade over 50 ms: at 6 + 25 ms half is left, at 56 ms nothing
 TEST_F(MofcNodeTest, FadesToZeroAfterSilence) {
   tick();
@@ -895,6 +929,7 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
     const test::AllocGuard guard;
     const ForceCommand command = node.answer(state);
     node.finish_turn();
+    node.read_ahead();
     allocations += guard.count();
     acting_newton = command.force_on_hand_newton;
   }
@@ -947,6 +982,7 @@ TEST(MofcNodeWithStandby, TheStandbySpeaksBeforeTheForceFadesWithoutAllocation) 
       if (k < 200) interactions.send(answer);  // then it is silent
       answer.header.session_id = 10;
       standby_interactions.send(answer);
+      if (k % 2 == 0) node.read_ahead();
     }
     state.value.header = {1, k, clock.now()};
     state.received_at = clock.now();
