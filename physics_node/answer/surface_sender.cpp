@@ -17,7 +17,7 @@ constexpr double kReachMargin_m = 3e-3;
 constexpr double kLeastReach_m = 10e-3;
 constexpr double kMostReach_m = 40e-3;
 constexpr double kFloatMargin_m = 1e-4;  // more than a float of a kilometre rounds
-constexpr double kBackPerSending_m = 6e-3;
+constexpr double kBackPerSending_m = 3e-3;
 constexpr double kTileBytesPerS = 600e3;
 constexpr double kRestBytesPerS = 200e3;
 // Bounds of what the parts of a message take; descriptions and tiles together: kMostBytes.

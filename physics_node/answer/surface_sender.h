@@ -27,7 +27,7 @@ namespace palpate::physics {
 /// part; then at least 3 mm more than a search along the shaft needs. First what is nearest to the
 /// way from the tool to the predicted place. What is known is not sent again. What is not
 /// acknowledged is repeated once a receipt can have come, after A and some ms, or after A/3 if more
-/// than a twentieth of the messages is lost; it is put behind tiles up to 6 mm farther away for
+/// than a twentieth of the messages is lost; it is put behind tiles up to 3 mm farther away for
 /// each time that it was sent. The rest of the surface follows in the background while there are
 /// free slots. A full store gives up the tiles farthest away.
 ///

@@ -105,7 +105,7 @@ class CostMeter {
                     .sequence = interaction.device_sequence,
                     .sampled_at = interaction.device_sampled_at};
     state.tool_orientation_world = interaction.tool_orientation_world;
-    tissue_.receive(interaction, state);
+    tissue_.receive(interaction, state.header);
     const double dt_s = last_ ? to_seconds(state.header.sampled_at - *last_) : 0.0;
     last_ = state.header.sampled_at;
     const auto from = std::chrono::steady_clock::now();

@@ -84,7 +84,7 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
     const double begin_s = cpu_s();
     if (auto arrived = interactions.take(now_s)) {
       newest = std::move(arrived);
-      model.receive(*newest, state);
+      model.receive(*newest, state.header);
     }
     Vector3 newton = Vector3::Zero();
     if (newest) {

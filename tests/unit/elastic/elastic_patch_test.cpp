@@ -187,7 +187,7 @@ class DelayedPress : public SentPatch {
       state.tool_position_world_m = tip(t_s);
       for (; !down.empty() && down.front().first <= tick; down.pop_front()) {
         newest = std::move(down.front().second);
-        model.receive(*newest, state);
+        model.receive(*newest, state.header);
       }
       Vector3 force = Vector3::Zero();
       if (newest) {

@@ -159,10 +159,20 @@ TEST_F(MofcNodeTest, HoldsTheNewestForceAndRecordsItsAgeOnTheDevicesClock) {
 
 // the next answer uses it as if it had read it itself, but for when it came
 TEST_F(MofcNodeTest, WhatIsReadAheadCountsForTheNextAnswer) {
+  const auto answers_newest = [&](double newton) {
+    Interaction interaction;
+    interaction.header = {9, physics_sequence_++, clock_.now()};
+    interaction.device_session_id = records_.ticks.back().device_session_id;
+    interaction.device_sequence = records_.ticks.back().device_sequence;
+    interaction.device_sampled_at = records_.ticks.back().device_sampled_at;
+    interaction.force_on_tool_newton = {0, 0, newton};
+    interaction.contact_count = 1;
+    ASSERT_EQ(interaction_link_.send(interaction), SendResult::kSent);
+  };
   node_.read_ahead();  // before the first state there is nothing to be read for
   tick();
   clock_.advance(500us);
-  physics_sends({0, 0, 1.5});
+  answers_newest(1.5);
   node_.read_ahead();
   Interaction left;
   TimePoint at;
@@ -173,20 +183,23 @@ TEST_F(MofcNodeTest, WhatIsReadAheadCountsForTheNextAnswer) {
 
   // a newer one that comes after that is used, too
   clock_.advance(500us);
-  physics_sends({0, 0, 2});
+  answers_newest(2.0);
   node_.read_ahead();
-  physics_sends({0, 0, 3});
+  answers_newest(3.0);
   clock_.advance(500us);
   EXPECT_EQ(tick().force_on_hand_newton.z(), 3.0);
 
-  // stale after 6 ms from when it came, not from the answer that used it
-  clock_.advance(5500us);
+  // stale 6 ms after it was read, not after the answer that used it
+  clock_.advance(500us);
+  answers_newest(3.0);
+  node_.read_ahead();
+  clock_.advance(6ms);
   EXPECT_EQ(tick().force_on_hand_newton.z(), 3.0);
   clock_.advance(1ms);
   EXPECT_LT(tick().force_on_hand_newton.z(), 3.0);
 
   // what answers another session does not count
-  physics_sends({0, 0, 2});
+  answers_newest(3.0);
   node_.read_ahead();
   EXPECT_EQ(tick(2).force_on_hand_newton, Vector3::Zero());
 }

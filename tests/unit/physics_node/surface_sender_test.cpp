@@ -24,13 +24,14 @@ constexpr int kBands = 90;
 /// A ball under a tool, and the two ends of hop 3 with a delay.
 class Sent : public testing::Test {
  protected:
-  explicit Sent(double rate_hz = 90.0) : tissues_(1), period_(from_seconds(1.0 / rate_hz)) {
-    const Shape shape(PlacedSurface{std::make_shared<TriangleSurface>(ball_mesh(kRadius_m, kBands)),
+  explicit Sent(double rate_hz = 90.0, double radius_m = kRadius_m)
+      : tissues_(1), period_(from_seconds(1.0 / rate_hz)) {
+    const Shape shape(PlacedSurface{std::make_shared<TriangleSurface>(ball_mesh(radius_m, kBands)),
                                     Vector3::Zero(), Quaternion::Identity()});
     tissues_[0] = described(shape, {}, {}, {.tip_radius_m = 3e-3}, 0);
     sender_ = std::make_unique<SurfaceSender>(tissues_, rate_hz);
     motion_.receipts.store_id = 5;
-    motion_.tool_position_world_m = {0.0, 0.0, kRadius_m};
+    motion_.tool_position_world_m = {0.0, 0.0, radius_m};
     times_sent_.resize(tissues_[0].tiles.size());
   }
 
@@ -113,6 +114,30 @@ TEST_F(Sent, AMessageFitsIntoItsFrame) {
     most = std::max(most, interaction_.surface.tile_count);
   }
   EXPECT_GE(most, 12u);
+}
+
+class SentSeldom : public Sent {
+ protected:
+  SentSeldom() : Sent(30.0, 0.02) {}
+};
+
+// which of the first messages have arrived is not known yet: under a tool that is about to touch
+// it matters more to have the nearest tiles than some more of those behind them
+TEST_F(SentSeldom, TheNearestTilesGoTwiceBeforeTheFirstReceipt) {
+  motion_.receipts.tile_slots = kTileSlots;
+  motion_.receipts.tiles_per_message = kMaxTilesPerMessage;
+  std::vector<std::size_t> first;
+  for (int i = 0; i < 3; ++i) {
+    step();
+    for (std::size_t k = 0; i == 0 && k < times_sent_.size(); ++k) {
+      if (times_sent_[k] > 0) first.push_back(k);
+    }
+  }
+  ASSERT_EQ(motion_.receipts.newest, 0u);
+  ASSERT_GE(first.size(), 8u);
+  const auto again = std::count_if(first.begin(), first.end(),
+                                   [&](std::size_t tile) { return times_sent_[tile] == 2; });
+  EXPECT_GE(again, static_cast<std::ptrdiff_t>(first.size() / 2));
 }
 
 // a tool that is still far away
