@@ -118,7 +118,8 @@ TEST_F(Sent, AMessageFitsIntoItsFrame) {
 
 class SentSeldom : public Sent {
  protected:
-  SentSeldom() : Sent(30.0, 0.02) {}
+  // beside a ball whose tiles are 2 mm wide there
+  SentSeldom() : Sent(30.0, 0.02) { motion_.tool_position_world_m = {0.02, 0.0, 0.0}; }
 };
 
 // which of the first messages have arrived is not known yet: under a tool that is about to touch
