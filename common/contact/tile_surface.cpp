@@ -22,8 +22,8 @@ constexpr double kNearStep_m = 6e-3;
 // Work, in units of a test of bounds or of a facet's sphere.
 constexpr std::uint32_t kViewWork = 64;  // all that does not depend on the tiles
 constexpr std::uint32_t kFootWork = 24;  // the foot on a facet, and the normal there
-constexpr std::uint32_t kBlendWork = 96;
-constexpr std::uint32_t kPointWork = 8;
+constexpr std::uint32_t kBlendWork = 64;
+constexpr std::uint32_t kPointWork = 5;
 constexpr std::uint32_t kKeepWork = 8;  // a tile becomes one of the near ones
 // After so many better ones collecting the near tiles is given up.
 constexpr std::uint32_t kMostKept = 512;
