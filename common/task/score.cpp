@@ -106,6 +106,10 @@ const char* name(MarkScore::Outcome outcome) {
   return kNames[static_cast<std::size_t>(outcome)];
 }
 
+const char* outcome_of(const TaskScore& score, const TargetScore& target) {
+  return score.is_judged() ? name(target.outcome) : "not_judged";
+}
+
 std::size_t TaskScore::count(TargetScore::Outcome outcome) const {
   return static_cast<std::size_t>(std::count_if(
       targets.begin(), targets.end(), [&](const auto& one) { return one.outcome == outcome; }));
@@ -146,6 +150,10 @@ std::vector<std::string> findings_of(const TaskScore& score) {
                                    unseen, unseen == 1 ? "mark is" : "marks are",
                                    unseen == 1 ? "it" : "them"));
   }
+  if (score.lacks_surface()) {
+    findings.emplace_back("The surface of the tissue was not received: the search is not judged.");
+    return findings;
+  }
   if (!score.is_judged()) {
     findings.emplace_back(
         "That is too much to judge the task: what was not seen may have been done.");
@@ -175,11 +183,8 @@ std::vector<std::string> findings_of(const TaskScore& score) {
                                      100.0 * score.coverage_ratio, score.least_force_newton));
     } else {
       findings.emplace_back(
-          score.is_area_empty
-              ? "What part of the surface you searched is not known: the area that the session "
-                "names meets no surface."
-              : "What part of the surface you searched is not known: the surface was not "
-                "received.");
+          "What part of the surface you searched is not known: the area that the session names "
+          "meets no surface.");
     }
   }
   if (score.needle) {
@@ -215,7 +220,7 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
       fmt::format(
           "{:.1f} s, {}{}", score.time_s,
           score.is_cut ? "where the recording breaks off" : end_text(score.end),
-          std::isfinite(score.limit_s) ? fmt::format(" (limit {:.0f} s)", score.limit_s) : ""));
+          std::isfinite(score.limit_s) ? fmt::format(" (limit {:g} s)", score.limit_s) : ""));
   if (score.is_search() && score.is_judged()) {
     add("found",
         fmt::format("{} of {}", score.count(TargetScore::Outcome::kFound), score.targets.size()));
@@ -260,8 +265,11 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
 std::string score_text(const TaskScore& score) {
   std::string text = "task\n";
   for (const std::string& finding : findings_of(score)) text += "  " + finding + "\n";
-  for (const auto& [label, value] : figures_of(score)) {
-    text += fmt::format("  {:<22}{}\n", label, value);
+  const auto figures = figures_of(score);
+  std::size_t width = 20;
+  for (const auto& [label, value] : figures) width = std::max(width, label.size());
+  for (const auto& [label, value] : figures) {
+    text += fmt::format("  {:<{}}  {}\n", label, width, value);
   }
   return text;
 }
@@ -292,7 +300,7 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
     json["targets"] = nlohmann::ordered_json::array();
     for (const TargetScore& target : score.targets) {
       json["targets"].push_back({{"name", target.name},
-                                 {"outcome", name(target.outcome)},
+                                 {"outcome", outcome_of(score, target)},
                                  {"found_after_s", number_or_null(target.found_after_s)},
                                  {"mark_distance_m", number_or_null(target.mark_distance_m)},
                                  {"palpable_n", number_or_null(target.palpable_newton)},
@@ -300,10 +308,14 @@ nlohmann::ordered_json score_json(const TaskScore& score) {
                                  {"force", force_json(target.force)}});
     }
     json["marks"] = marks_json(score);
-    json["found"] = score.count(TargetScore::Outcome::kFound);
-    json["guessed"] = score.count(TargetScore::Outcome::kGuessed);
-    json["missed"] = score.count(TargetScore::Outcome::kMissed);
-    json["false_alarms"] = score.count(MarkScore::Outcome::kFalseAlarm);
+    const auto count = [&](auto outcome) -> nlohmann::ordered_json {
+      if (!score.is_judged()) return nullptr;
+      return score.count(outcome);
+    };
+    json["found"] = count(TargetScore::Outcome::kFound);
+    json["guessed"] = count(TargetScore::Outcome::kGuessed);
+    json["missed"] = count(TargetScore::Outcome::kMissed);
+    json["false_alarms"] = count(MarkScore::Outcome::kFalseAlarm);
     json["coverage_ratio"] = number_or_null(score.coverage_ratio);
     json["area_m2"] = number_or_null(score.area_m2);
     json["least_force_n"] = number_or_null(score.least_force_newton);

@@ -3,6 +3,7 @@
 // each figure means: docs/tasks.md.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -93,13 +94,22 @@ struct TaskScore {
   [[nodiscard]] bool is_search() const { return kind == TaskState::Kind::kPalpation; }
   /// Share of the ticks of the task whose telemetry is missing; 0 without ticks.
   [[nodiscard]] double missing_ratio() const;
-  /// False: so much of the telemetry is missing that what was not seen may have been done.
-  [[nodiscard]] bool is_judged() const { return missing_ratio() <= kMostMissing; }
+  /// A search whose surface was not received: nothing is known of the places that were pressed.
+  [[nodiscard]] bool lacks_surface() const {
+    return is_search() && end != End::kNotStarted && !std::isfinite(area_m2) && !is_area_empty;
+  }
+  /// False: so much of the telemetry is missing that what was not seen may have been done, or it
+  /// lacks the surface.
+  [[nodiscard]] bool is_judged() const {
+    return missing_ratio() <= kMostMissing && !lacks_surface();
+  }
   static constexpr double kMostMissing = 0.1;
 };
 
 [[nodiscard]] const char* name(TaskState::Kind kind);
 [[nodiscard]] const char* name(TaskScore::End end);
+/// Of a lesion; "not_judged" where the task is not.
+[[nodiscard]] const char* outcome_of(const TaskScore& score, const TargetScore& target);
 
 /// One sentence each, the most important first; of a task that did not start one that says so.
 [[nodiscard]] std::vector<std::string> findings_of(const TaskScore& score);

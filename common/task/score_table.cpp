@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
 #include "common/telemetry/csv_writer.h"
@@ -50,6 +52,7 @@ std::string csv_number(double value) {
 /// The last column of a table.
 std::string outcome_text(const TaskScore& score) {
   std::string outcome = outcome_of(score);
+  if (score.is_cut) return outcome.empty() ? "breaks off" : outcome + ", breaks off";
   if (score.traction) {
     return outcome + fmt::format(", {:.1f} s at the target", score.traction->longest_s);
   }
@@ -90,11 +93,6 @@ std::string force_cells(const ForceFigures& force) {
          csv_number(force.most_newton) + ',' + csv_number(force.touch_s) + '\n';
 }
 
-/// The end of the path, which tells runs apart.
-std::string short_name(const std::string& run) {
-  return std::filesystem::path(run).filename().string();
-}
-
 std::string detection_text(const DetectionFigures& detection) {
   if (detection.runs == 0) return "";
   return fmt::format("  {:<20}{}\n  {:<20}{}\n  {:<20}{} in {} runs\n", "sensitivity",
@@ -110,6 +108,31 @@ double CountedShare::ratio() const {
 }
 double CountedShare::low() const { return wilson(hits, cases, -1.0); }
 double CountedShare::high() const { return wilson(hits, cases, 1.0); }
+
+std::vector<std::string> short_names(const std::vector<NamedScore>& scores) {
+  std::set<std::string> paths;
+  std::size_t longest = 1;  // components
+  for (const NamedScore& one : scores) {
+    paths.insert(one.run);
+    const std::filesystem::path path(one.run);
+    longest = std::max(longest, static_cast<std::size_t>(std::distance(path.begin(), path.end())));
+  }
+  std::vector<std::string> names;
+  for (std::size_t components = 1; components <= longest; ++components) {
+    names.clear();
+    for (const NamedScore& one : scores) {
+      std::filesystem::path rest(one.run);
+      std::filesystem::path name;
+      for (std::size_t i = 0; i < components && rest.has_filename(); ++i) {
+        name = name.empty() ? rest.filename() : rest.filename() / name;
+        rest = rest.parent_path();
+      }
+      names.push_back(name.string());
+    }
+    if (std::set<std::string>(names.begin(), names.end()).size() == paths.size()) break;
+  }
+  return names;
+}
 
 DetectionFigures detection_of(const std::vector<NamedScore>& scores) {
   DetectionFigures figures;
@@ -139,20 +162,25 @@ std::string outcome_of(const TaskScore& score) {
 std::string table_text(const std::vector<NamedScore>& scores) {
   std::size_t width = 3;
   const bool has_outcome = std::any_of(scores.begin(), scores.end(), [](const NamedScore& one) {
-    return !outcome_of(one.score).empty();
+    return !outcome_text(one.score).empty();
   });
-  for (const NamedScore& one : scores) width = std::max(width, short_name(one.run).size());
+  const std::vector<std::string> names = short_names(scores);
+  for (const std::string& name : names) width = std::max(width, name.size());
   std::string text =
       fmt::format("{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}{}\n",
                   "run", width, "found", "guessed", "alarms", "time s", "cover %", "F50 N", "F95 N",
                   "Fmax N", "path m", "beyond N", "missing%", has_outcome ? "  outcome" : "");
-  for (const NamedScore& one : scores) {
-    const TaskScore& s = one.score;
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    const TaskScore& s = scores[i].score;
+    const bool has_finds = s.is_search() && s.is_judged();
+    const bool has_marks = (s.is_search() || s.needle) && s.is_judged();
     text += fmt::format(
-        "{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}{}\n",
-        short_name(one.run), width,
-        fmt::format("{}/{}", s.count(TargetScore::Outcome::kFound), s.targets.size()),
-        s.count(TargetScore::Outcome::kGuessed), s.count(MarkScore::Outcome::kFalseAlarm),
+        "{:<{}}  {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}{}\n", names[i],
+        width,
+        has_finds ? fmt::format("{}/{}", s.count(TargetScore::Outcome::kFound), s.targets.size())
+                  : "–",
+        has_finds ? std::to_string(s.count(TargetScore::Outcome::kGuessed)) : "–",
+        has_marks ? std::to_string(s.count(MarkScore::Outcome::kFalseAlarm)) : "–",
         figure(s.time_s, "{:.1f}"), figure(100.0 * s.coverage_ratio, "{:.1f}"),
         figure(s.force.median_newton, "{:.2f}"), figure(s.force.p95_newton, "{:.2f}"),
         figure(s.force.most_newton, "{:.2f}"), figure(s.path_m, "{:.3f}"),
@@ -163,7 +191,7 @@ std::string table_text(const std::vector<NamedScore>& scores) {
 }
 
 std::string compared_text(const std::vector<NamedScore>& scores) {
-  constexpr std::size_t kColumn = 36;
+  constexpr std::size_t kGap = 2;
   std::vector<std::string> labels;
   std::vector<std::vector<std::string>> columns;
   for (const NamedScore& one : scores) {
@@ -178,17 +206,32 @@ std::string compared_text(const std::vector<NamedScore>& scores) {
       column.push_back(figure == figures.end() ? "–" : figure->second);
     }
   }
-  const auto cell = [](const std::string& text) {
-    std::size_t shown = 0;  // characters of UTF-8
-    for (const char c : text) shown += (static_cast<unsigned char>(c) & 0xC0U) != 0x80U ? 1 : 0;
-    return text + std::string(shown < kColumn ? kColumn - shown : 2, ' ');
+  const std::vector<std::string> names = short_names(scores);
+  const auto characters = [](const std::string& text) {  // of UTF-8
+    return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
+      return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
+    }));
   };
-  std::string text = fmt::format("{:<22}", "");
-  for (const NamedScore& one : scores) text += cell(short_name(one.run));
+  const auto cell_of = [&](std::size_t column, std::size_t line) -> std::string {
+    return line < columns[column].size() ? columns[column][line] : "–";
+  };
+  std::size_t first = 0;  // width of the labels
+  for (const std::string& label : labels) first = std::max(first, characters(label) + kGap);
+  std::vector<std::size_t> widths;
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    std::size_t width = characters(names[k]);
+    for (const std::string& one : columns[k]) width = std::max(width, characters(one));
+    widths.push_back(width + kGap);
+  }
+  const auto padded = [&](const std::string& text, std::size_t width) {
+    return text + std::string(width - std::min(width, characters(text)), ' ');
+  };
+  std::string text(first, ' ');
+  for (std::size_t k = 0; k < columns.size(); ++k) text += padded(names[k], widths[k]);
   text += '\n';
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    text += fmt::format("{:<22}", labels[i]);
-    for (const auto& column : columns) text += cell(i < column.size() ? column[i] : "–");
+  for (std::size_t line = 0; line < labels.size(); ++line) {
+    text += padded(labels[line], first);
+    for (std::size_t k = 0; k < columns.size(); ++k) text += padded(cell_of(k, line), widths[k]);
     text += '\n';
   }
   return text;
@@ -237,7 +280,7 @@ std::string regions_csv(const std::vector<NamedScore>& scores) {
     const std::string run = csv_cell(one.run);
     for (const TargetScore& target : one.score.targets) {
       csv += fmt::format("{},{},{},{},{},{},{},,,,,,,", run, csv_cell(target.name),
-                         name(target.outcome), csv_number(target.found_after_s),
+                         outcome_of(one.score, target), csv_number(target.found_after_s),
                          csv_number(target.mark_distance_m), csv_number(target.palpable_newton),
                          csv_number(target.contrast_ratio)) +
              force_cells(target.force);

@@ -37,6 +37,9 @@ struct DetectionFigures {
 };
 [[nodiscard]] DetectionFigures detection_of(const std::vector<NamedScore>& scores);
 
+/// What tells the runs apart: of each path its last folders and the file, as few as are needed.
+[[nodiscard]] std::vector<std::string> short_names(const std::vector<NamedScore>& scores);
+
 /// Of a needle or a traction; "" of others.
 [[nodiscard]] std::string outcome_of(const TaskScore& score);
 /// One line a run, and below it the detection of all.

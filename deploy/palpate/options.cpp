@@ -101,7 +101,8 @@ JsonOutput::JsonOutput(const OutputOptions& options) {
 
 void JsonOutput::write(const nlohmann::ordered_json& json) {
   if (!file_) return;
-  if (!file_->write(json.dump(2) + "\n") || !file_->close()) {
+  if (!file_->write(json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n") ||
+      !file_->close()) {
     throw std::runtime_error(file_->complaint());
   }
 }

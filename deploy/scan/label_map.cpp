@@ -11,6 +11,7 @@
 
 #include "common/core/check.h"
 #include "common/core/user/files.h"
+#include "common/core/user/utf8.h"
 #include "physics_node/files/file_text.h"
 
 namespace palpate::scan {
@@ -35,22 +36,11 @@ std::string lower_end(const std::string& file) {
   return end;
 }
 
-/// Length of the UTF-8 character at the front, 0 if there is none: no surrogates, nothing longer
-/// than needed, no control characters.
+/// Length of the UTF-8 character at the front; 0: there is none, or it is a control character.
 std::size_t character_at(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned first = byte(0);
-  if (first < 0x80) return first >= ' ' && first != 0x7f ? 1 : 0;
-  const std::size_t length = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
-  if (first < 0xc2 || first > 0xf4 || text.size() < length) return 0;
-  std::uint32_t code = first & (0x7fU >> length);
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((byte(i) & 0xc0U) != 0x80) return 0;
-    code = code << 6U | (byte(i) & 0x3fU);
-  }
-  constexpr std::array<std::uint32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
-  const bool is_surrogate = code >= 0xd800 && code < 0xe000;
-  return code < kLeast[length] || code > 0x10ffff || is_surrogate || code < 0xa0 ? 0 : length;
+  const auto [length, code] = utf8_character_at(text);
+  const bool is_control = code < ' ' || (code >= 0x7f && code < 0xa0);
+  return is_control ? 0 : length;
 }
 
 void make_names_unique(std::vector<Segment>& segments) {

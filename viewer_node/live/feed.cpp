@@ -160,7 +160,7 @@ void WebFeed::tell_task(TimePoint now) {
     json["task"] = state_json(task_->state());
     if (task_->has_ended()) json["task"]["score"] = score_json(task_->score());
   }
-  server_.set_task(json.dump() + "\n");
+  server_.set_task(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 
 /// A recording tells where everything is.

@@ -79,7 +79,7 @@ std::string WebHealth::verdicts() const {
   for (std::size_t i = 0; i < figures_.size(); ++i) {
     json["sides"][session_.sides[i].name] = verdict_json(verdict_of(i));
   }
-  return json.dump() + "\n";
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 void WebHealth::tell_verdicts() {

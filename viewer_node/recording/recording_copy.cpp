@@ -406,9 +406,14 @@ class Copy {
     std::vector<std::uint64_t> seams_ns;  // another run was before
     std::copy_if(seams_ns_.begin(), seams_ns_.end(), std::back_inserter(seams_ns),
                  [&](std::uint64_t at_ns) { return at_ns > from_ns_ && at_ns <= to_ns_; });
+    const bool is_part =
+        to_ns_ < end_ns_ || std::any_of(sources_.begin(), sources_.end(), [](const Source& source) {
+          return breaks_off(source.reader);
+        });
     writer.add_metadata(
         kCopyMetadata,
         {{"command", options_.command},
+         {"breaks_off", is_part ? "1" : "0"},
          {"sources", files},
          {"seams", fmt::format("{}", fmt::join(seams_ns, ","))},
          {"topics", fmt::format("{}", fmt::join(options_.topics, ","))},
@@ -445,6 +450,12 @@ std::vector<std::uint64_t> seams_of(const McapReader& recording) {
     seams_ns.push_back(std::strtoull(one.c_str(), nullptr, 10));
   }
   return seams_ns;
+}
+
+bool breaks_off(const McapReader& recording) {
+  const mcap::Strings copy = recording.metadata(kCopyMetadata);
+  const auto it = copy.find("breaks_off");
+  return !recording.is_whole() || (it != copy.end() && it->second == "1");
 }
 
 std::string CopyResult::loss() const {

@@ -15,12 +15,16 @@
 namespace palpate::viewer {
 
 /// Metadata of this name in a copy: what was done ("cut", "recover", "merge"), from_s and to_s,
+/// breaks_off ("1": the end of the run is not in it),
 /// topics, seams (log times in ns from which on another run is recorded), damaged_chunks,
 /// unreadable_messages and unreadable_bytes of the sources, and their files.
 inline constexpr const char* kCopyMetadata = "palpate_copy";
 
 /// Log times in ns from which on a recording holds another run; empty: it holds one.
 [[nodiscard]] std::vector<std::uint64_t> seams_of(const McapReader& recording);
+
+/// The end of what was recorded is missing: the file was not closed, or it is a copy of a part.
+[[nodiscard]] bool breaks_off(const McapReader& recording);
 
 struct CopyOptions {
   std::string command{};  ///< for kCopyMetadata

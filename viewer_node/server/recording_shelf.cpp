@@ -98,7 +98,7 @@ std::string RecordingShelf::list_json() const {
   for (const Entry& one : entries) {
     json.push_back({{"name", one.name}, {"bytes", one.bytes}, {"modified_s", one.modified_s}});
   }
-  return json.dump() + "\n";
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace palpate::viewer

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <functional>
 
 #include "common/telemetry/summary.h"
@@ -28,12 +27,12 @@ std::vector<Column> columns_of(const std::vector<NamedScore>& scores) {
   std::vector<Column> columns{{"task", [](const TaskScore& s) { return name(s.kind); }}};
   if (any([](const TaskScore& s) { return s.is_search(); })) {
     columns.push_back({"found", [](const TaskScore& s) {
-                         if (!s.is_search()) return std::string("–");
+                         if (!s.is_search() || !s.is_judged()) return std::string("–");
                          return fmt::format("{} of {}", s.count(TargetScore::Outcome::kFound),
                                             s.targets.size());
                        }});
     columns.push_back({"false alarms", [](const TaskScore& s) {
-                         if (!s.is_search()) return std::string("–");
+                         if (!s.is_search() || !s.is_judged()) return std::string("–");
                          return std::to_string(s.count(MarkScore::Outcome::kFalseAlarm));
                        }});
     columns.push_back({"searched, %", [](const TaskScore& s) {
@@ -68,10 +67,6 @@ std::vector<Column> columns_of(const std::vector<NamedScore>& scores) {
   return columns;
 }
 
-std::string short_name(const std::string& run) {
-  return std::filesystem::path(run).filename().string();
-}
-
 std::string share_row(const char* what, const CountedShare& share, const char* of) {
   const std::string value =
       share.cases == 0 ? "no case"
@@ -93,6 +88,7 @@ std::string detection_html(const DetectionFigures& detection) {
 
 std::string table_html(const std::vector<NamedScore>& scores) {
   const std::vector<Column> columns = columns_of(scores);
+  const std::vector<std::string> names = short_names(scores);
   // focusable: a keyboard scrolls it
   std::string html =
       "<h2 id=\"runs\">Runs</h2>\n<div class=\"wide\" tabindex=\"0\" role=\"region\" "
@@ -103,7 +99,7 @@ std::string table_html(const std::vector<NamedScore>& scores) {
   html += "</tr></thead>\n<tbody>\n";
   for (std::size_t i = 0; i < scores.size(); ++i) {
     html += fmt::format("<tr><th scope=\"row\"><a href=\"#run-{}\">{}</a></th>", i,
-                        html_escaped(short_name(scores[i].run)));
+                        html_escaped(names[i]));
     for (const Column& column : columns) {
       html += "<td>" + html_escaped(column.cell(scores[i].score)) + "</td>";
     }
@@ -155,9 +151,9 @@ std::string trace_html(const TaskScore& score) {
       score.marks.empty() ? "" : "; upright lines: marks");
 }
 
-std::string run_html(const NamedScore& one, std::size_t index) {
+std::string run_html(const NamedScore& one, const std::string& name, std::size_t index) {
   std::string html = fmt::format("<h3 id=\"run-{}\">{}</h3>\n<p class=\"path\">{}</p>\n<ul>\n",
-                                 index, html_escaped(short_name(one.run)), html_escaped(one.run));
+                                 index, html_escaped(name), html_escaped(one.run));
   for (const std::string& finding : findings_of(one.score)) {
     html += "<li>" + html_escaped(finding) + "</li>\n";
   }
@@ -177,7 +173,8 @@ std::string class_html(const std::vector<NamedScore>& scores) {
   std::string html = html_head(title, "class=\"pair\"") + "<main>\n<h1>" + title + "</h1>\n" +
                      detection_html(detection_of(scores)) + table_html(scores) +
                      "<h2>What was said of each</h2>\n";
-  for (std::size_t i = 0; i < scores.size(); ++i) html += run_html(scores[i], i);
+  const std::vector<std::string> names = short_names(scores);
+  for (std::size_t i = 0; i < scores.size(); ++i) html += run_html(scores[i], names[i], i);
   return html + "</main></body></html>\n";
 }
 

@@ -7,6 +7,7 @@
 #include "common/core/check.h"
 #include "common/task/evaluator.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/recording/recording_copy.h"
 
 namespace palpate {
 namespace {
@@ -55,7 +56,7 @@ TaskScore score_of(RecordingFile& recording, const std::function<void(double)>& 
     }
   }
   mirror.flush_rows();
-  evaluator.finish(!recording.mcap().is_whole());
+  evaluator.finish(viewer::breaks_off(recording.mcap()));
   return evaluator.score();
 }
 

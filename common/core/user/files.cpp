@@ -4,12 +4,16 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstddef>
 #include <fstream>
+#include <optional>
 #include <string_view>
 #include <system_error>
 
+#include "common/core/user/utf8.h"
 #include "common/core/user/way.h"
 
 namespace palpate {
@@ -78,6 +82,13 @@ FileContent read_text_file(const std::filesystem::path& file, std::uintmax_t max
   if (content.bytes.starts_with(kByteOrderMark)) content.bytes.erase(0, kByteOrderMark.size());
   if (content.bytes.find('\0') != std::string::npos) {
     return {.complaint = "contains zero bytes, so it is not UTF-8 text; is it the right file?"};
+  }
+  if (const std::optional<std::size_t> at = not_utf8_at(content.bytes)) {
+    const auto line =
+        1 + std::count(content.bytes.begin(),
+                       content.bytes.begin() + static_cast<std::ptrdiff_t>(*at), '\n');
+    return {.complaint = "line " + std::to_string(line) +
+                         " is not UTF-8 text, perhaps Latin-1; save the file as UTF-8"};
   }
   return content;
 }

@@ -18,7 +18,7 @@ struct FileContent {
                                             std::uintmax_t max_bytes);
 
 /// The same for text: without the byte order mark that some editors write first. A file with zero
-/// bytes is refused.
+/// bytes, or that is not UTF-8, is refused.
 [[nodiscard]] FileContent read_text_file(const std::filesystem::path& file,
                                          std::uintmax_t max_bytes);
 

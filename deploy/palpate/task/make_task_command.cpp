@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <variant>
 #include <vector>
@@ -38,7 +39,7 @@ struct MakeTaskCommand {
     session.add_to(app);
     app.add_option("--seed", seed, "of the first task (default 1)")
         ->type_name("N")
-        ->check(CLI::NonNegativeNumber);
+        ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max()));
     app.add_option("--count", count, "make so many tasks, with seeds that follow (default 1)")
         ->type_name("N")
         ->check(CLI::Range(1, 1000));
@@ -54,7 +55,7 @@ struct MakeTaskCommand {
     add_range("--depth-mm", depth_mm, "how deep their top is below the surface, mm (default 3 15)",
               0.0, 200.0);
     add_range("--stiffness-ratio", stiffness_ratio,
-              "their Young's modulus as a multiple of the body's (default 4 10)", 0.01, 1e4);
+              "their Young's modulus as a multiple of the body's (default 4 10)", 1.01, 1e4);
     app.add_option("--search-newton", search_newton,
                    "let a simulated hand search: presses of this force on a grid over the area, "
                    "and a mark where the force is predicted to be enough")

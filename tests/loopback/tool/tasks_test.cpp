@@ -27,6 +27,7 @@ using test::run_program;
 using test::text_of;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 using testing::SizeIs;
 
 const std::string kTasks = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/";
@@ -174,6 +175,21 @@ TEST_F(Tasks, ARecordingThatBreaksOffIsThePartOfATask) {
   EXPECT_THAT(score.out, HasSubstr("task\n  The recording breaks off "));
   EXPECT_THAT(text_of(path("cut.json")), HasSubstr("\"is_cut\": true"));
   EXPECT_THAT(text_of(path("cut.csv")), HasSubstr(",palpation,run_ended,1,"));
+
+  // so is a whole file that was made of it, and a copy of the first part of the whole
+  const std::string recovered = path("recovered.mcap");
+  ASSERT_EQ(palpate({"recover", cut, recovered}).status, 0);
+  const std::string begin = path("begin.mcap");
+  ASSERT_EQ(palpate({"cut", whole, begin, "--to", "2"}).status, 0);
+  const std::string copy = path("copy.mcap");
+  ASSERT_EQ(palpate({"cut", whole, copy, "--to", "1000"}).status, 0);
+  const Outcome copies =
+      palpate({"score", recovered, begin, copy, "--csv", path("copies.csv"), "-q"});
+  EXPECT_THAT(text_of(path("copies.csv")), AllOf(HasSubstr("recovered.mcap,palpation,run_ended,1,"),
+                                                 HasSubstr("begin.mcap,palpation,run_ended,1,"),
+                                                 HasSubstr("copy.mcap,palpation,")))
+      << copies.err;
+  EXPECT_THAT(text_of(path("copies.csv")), Not(HasSubstr("copy.mcap,palpation,run_ended,1,")));
 }
 
 TEST_F(Tasks, WhatHasNoTaskIsRefused) {

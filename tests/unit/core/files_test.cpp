@@ -51,5 +51,19 @@ TEST(WhyExposed, RefusesTheFileOfAnotherUser) {
   EXPECT_THAT(why_exposed(file, true), StartsWith("belongs to another user"));
 }
 
+TEST(ReadTextFile, RefusesWhatIsNotUtf8AndNamesTheLine) {
+  const test::TempFolder folder;
+  const auto complaint = [&](const std::string& bytes) {
+    return read_text_file(folder.write("file", bytes), 1000).complaint;
+  };
+  EXPECT_EQ(complaint(""), "");
+  EXPECT_EQ(complaint("\xEF\xBB\xBFKnoten f\xC3\xBCr\n\xE2\x82\xAC \xF0\x9F\xA9\xBA\n"), "");
+  EXPECT_THAT(complaint("one\nKnoten f\xFCr\n"), StartsWith("line 2 is not UTF-8 text"));
+  for (const char* const bad : {"\xC0\x80", "\xE0\x80\xAF", "\xED\xA0\x80", "\xF4\x90\x80\x80",
+                                "\xE2\x82", "\x80", "\xFF"}) {
+    EXPECT_THAT(complaint(bad), StartsWith("line 1 is not UTF-8 text"));
+  }
+}
+
 }  // namespace
 }  // namespace palpate

@@ -11,6 +11,7 @@ namespace palpate::test {
 namespace {
 
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -140,14 +141,16 @@ TEST(TaskEvaluator, TheSurfaceMayArriveLate) {
   EXPECT_GT(scores[0].coverage_ratio, 0.01);
 }
 
-TEST(TaskEvaluator, WithoutASurfaceTheCoverageIsNotKnownAndTheRestIs) {
+TEST(TaskEvaluator, WithoutASurfaceASearchIsNotJudged) {
   TaskEvaluator evaluator(search({lump()}), kTool);
   run(evaluator, 20.0, over_lump);
   EXPECT_GT(evaluator.state().elapsed_s, 19.0);
   evaluator.finish();
   EXPECT_TRUE(std::isnan(evaluator.score().coverage_ratio));
   EXPECT_NEAR(evaluator.score().force.median_newton, 2.5, 0.01);
-  EXPECT_THAT(findings_of(evaluator.score()), Contains(HasSubstr("the surface was not received")));
+  EXPECT_FALSE(evaluator.score().is_judged());
+  EXPECT_THAT(findings_of(evaluator.score()),
+              ElementsAre("The surface of the tissue was not received: the search is not judged."));
 }
 
 TEST(TaskEvaluator, AnAreaThatMeetsNoSurfaceIsToldApart) {

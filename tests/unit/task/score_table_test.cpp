@@ -12,6 +12,8 @@
 namespace palpate {
 namespace {
 
+using ::testing::ContainsRegex;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
@@ -19,6 +21,7 @@ NamedScore run_of(const std::string& name, const std::vector<TargetScore::Outcom
                   std::size_t false_alarms) {
   NamedScore one{.run = name,
                  .score = {.kind = TaskState::Kind::kPalpation, .end = TaskScore::End::kStopped}};
+  one.score.area_m2 = 0.01;
   for (const auto outcome : outcomes) {
     one.score.targets.push_back({.name = "lump", .outcome = outcome});
   }
@@ -69,6 +72,44 @@ TEST(ScoreTable, TextHasALineForEachRunAndCsvARow) {
   EXPECT_THAT(csv, HasSubstr("\ncut.mcap,palpation,stopped,1,1,0,0,1,0,"));
 }
 
+TEST(ScoreTable, ARunThatBreaksOffSaysSoAndOneThatIsNotJudgedHasNoFinds) {
+  using enum TargetScore::Outcome;
+  std::vector<NamedScore> runs{run_of("seen.mcap", {kFound}, 0), run_of("unseen.mcap", {kFound}, 3),
+                               run_of("cut.mcap", {kMissed}, 0),
+                               run_of("blind.mcap", {kMissed}, 2)};
+  runs[1].score.ticks = 80;
+  runs[1].score.missing_ticks = 20;
+  runs[2].score.is_cut = true;
+  runs[3].score.area_m2 = kNotKnown;  // the surface was not received
+  const std::string text = table_text(runs);
+  EXPECT_THAT(text, ContainsRegex("seen.mcap +1/1 +0 +0 "));
+  EXPECT_THAT(text, ContainsRegex("unseen.mcap +– +– +– .*not_judged"));
+  EXPECT_THAT(text, ContainsRegex("blind.mcap +– +– +– .*not_judged"));
+  EXPECT_THAT(text, ContainsRegex("cut.mcap .*breaks off"));
+  EXPECT_EQ(detection_of(runs).runs, 1U);
+  EXPECT_THAT(regions_csv(runs), HasSubstr("\nunseen.mcap,lump,not_judged,"));
+  const nlohmann::ordered_json json = table_json(runs)["runs"];
+  EXPECT_EQ(json["seen.mcap"]["found"], 1);
+  for (const char* const run : {"unseen.mcap", "blind.mcap"}) {
+    EXPECT_TRUE(json[run]["found"].is_null()) << run;
+    EXPECT_TRUE(json[run]["false_alarms"].is_null()) << run;
+    EXPECT_EQ(json[run]["targets"][0]["outcome"], "not_judged") << run;
+  }
+}
+
+TEST(ScoreTable, RunsOfOneFileNameAreToldApartByTheirFolders) {
+  const auto named = [](const std::vector<std::string>& runs) {
+    std::vector<NamedScore> scores;
+    for (const std::string& run : runs) scores.push_back({.run = run, .score = {}});
+    return short_names(scores);
+  };
+  EXPECT_THAT(named({"a/x.mcap", "b/y.mcap"}), ElementsAre("x.mcap", "y.mcap"));
+  EXPECT_THAT(named({"s/S1/trial_1/run.mcap", "s/S1/trial_2/run.mcap", "s/S2/trial_1/run.mcap"}),
+              ElementsAre("S1/trial_1/run.mcap", "S1/trial_2/run.mcap", "S2/trial_1/run.mcap"));
+  EXPECT_THAT(named({"run.mcap", "a/run.mcap"}), ElementsAre("run.mcap", "a/run.mcap"));
+  EXPECT_THAT(named({"a/run.mcap", "a/run.mcap"}), ElementsAre("run.mcap", "run.mcap"));
+}
+
 /// Commas of each line; those in quotes are none.
 std::set<std::ptrdiff_t> commas_of(const std::string& csv) {
   std::set<std::ptrdiff_t> counts;
@@ -107,7 +148,7 @@ TEST(ScoreTable, EveryRowHasEveryColumn) {
 
 TEST(ScoreTable, ComparedRunsStandBesideEachOther) {
   const std::string text = compared_text(class_of_runs());
-  EXPECT_THAT(text, HasSubstr("false alarms          1                                   0"));
+  EXPECT_THAT(text, ContainsRegex("false alarms +1 +0 "));
   EXPECT_THAT(text, HasSubstr("clean.mcap"));
 }
 

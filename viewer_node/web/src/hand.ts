@@ -12,7 +12,7 @@ const kLeastPeriod_s = 1 / 60;
 const kTick_ms = 8; // independent of the frame rate, which is low on slow machines
 const kKeepAlive_s = 0.1; // while the target rests
 const kKeyStep_m = 0.001;
-const kKeyHold_s = 1.5; // after the last key the hand is released
+const kKeyHold_s = 1.5; // after the last key the hand is released, unless G keeps its jaws closed
 const kWheelStep_m = 0.00002; // per pixel that the wheel reports
 
 const kScrollingLayout = "(max-width: 1000px)"; // as in style.css
@@ -120,7 +120,7 @@ export class HandControl {
   // While held: sends what is due.
   private tick(): void {
     const now_s = seconds();
-    if (this.is_held_by_keys && now_s - this.key_s > kKeyHold_s) this.release();
+    if (this.is_held_by_keys && !this.is_pressed && now_s - this.key_s > kKeyHold_s) this.release();
     if (!this.is_held) return;
     if (this.status.is_others) { // another page was faster; the server ignores this one
       this.let_go();

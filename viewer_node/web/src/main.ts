@@ -434,9 +434,11 @@ document.addEventListener("keydown", (event) => {
   // arrows mean nothing to a button: with the focus on "Mark a find" they lead the hand
   const is_free = event.target === document.body || event.target instanceof HTMLButtonElement;
   if (is_free && hand.is_touching && hand.key(event.key)) event.preventDefault();
-  if (event.key === "p") pause(!is_paused);
-  else if (event.key === "m" && !task.mark()) run.mark();
-  else if (event.key === "t" && hand.status.is_allowed) touch(!hand.is_touching);
+  if (event.repeat) return; // a key that is held down says it once
+  const letter = event.key.toLowerCase();
+  if (letter === "p") pause(!is_paused);
+  else if (letter === "m" && !task.mark()) run.mark();
+  else if (letter === "t" && hand.status.is_allowed) touch(!hand.is_touching);
 });
 
 // ---- the picture
