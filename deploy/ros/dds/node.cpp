@@ -108,7 +108,7 @@ std::string configuration_of(const Network& network) {
 }
 
 Entity::Entity(dds_entity_t entity, const std::string& what) : entity_(entity) {
-  if (entity < 0) throw SetupError(what + ": " + dds_strretcode(-entity));
+  if (entity < 0) throw SetupError(what + " (" + dds_strretcode(-entity) + ")");
 }
 
 Entity::~Entity() {
@@ -133,7 +133,7 @@ dds_entity_t Node::topic_of(const std::string& name, const TopicType& type) {
   // deleted with the participant; a topic of the same name and type may be created again
   const dds_entity_t topic =
       dds_create_topic(participant_.get(), type.descriptor, name.c_str(), nullptr, nullptr);
-  if (topic < 0) throw SetupError("topic " + name + ": " + dds_strretcode(-topic));
+  if (topic < 0) throw SetupError("topic " + name + " (" + dds_strretcode(-topic) + ")");
   return topic;
 }
 
@@ -202,7 +202,7 @@ std::string Node::complaint_about(const dds_builtintopic_endpoint_t& stranger,
     const Local& local = it->second;
     if (local.is_writer == is_writer) continue;
     const std::string who = std::string(is_writer ? "a publisher" : "a subscriber") + " of " +
-                            it->first.substr(2) + ": ";
+                            it->first.substr(3) + ": ";
     if (std::strcmp(stranger.type_name, local.type.descriptor->m_typename) != 0) {
       return who + "its type is " + shown(stranger.type_name) + ", here it is " +
              local.type.descriptor->m_typename + ": they do not meet";

@@ -46,7 +46,7 @@ enum class Offer : std::uint8_t {
 /// An entity of DDS, deleted with what it contains at the end.
 class Entity {
  public:
-  /// @throws SetupError  it is an error: "what: …"
+  /// @throws SetupError  it is an error: "what (why)"
   Entity(dds_entity_t entity, const std::string& what);
   ~Entity();
   Entity(Entity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
@@ -68,13 +68,16 @@ class Writer {
   /// @return false: left out, because reliable readers do not keep up
   bool write(const T& message) { return dds_write(writer_.get(), &message) == DDS_RETCODE_OK; }
   /// Matched so far, those that have gone included.
-  [[nodiscard]] std::uint32_t readers_so_far() const {
-    dds_publication_matched_status_t status{};
-    dds_get_publication_matched_status(writer_.get(), &status);
-    return status.total_count;
-  }
+  [[nodiscard]] std::uint32_t readers_so_far() const { return matched().total_count; }
+  [[nodiscard]] bool has_reader() const { return matched().current_count > 0; }
 
  private:
+  [[nodiscard]] dds_publication_matched_status_t matched() const {
+    dds_publication_matched_status_t status{};
+    dds_get_publication_matched_status(writer_.get(), &status);
+    return status;
+  }
+
   Entity writer_;
 };
 

@@ -63,8 +63,9 @@ void RosEngine::send(const ToolMotion& motion, std::int64_t now_ns) {
   const bool is_sent =
       poses_.write({.header = header_of(now_ns, world_frame_),
                     .pose = pose_of(motion.tool_position_world_m, motion.tool_orientation_world)});
+  const bool is_heard = poses_.has_reader();
   const std::scoped_lock lock(mutex_);
-  ++counts_.poses;
+  if (is_heard) ++counts_.poses;
   if (!is_sent) ++counts_.poses_left_out;
 }
 
@@ -86,6 +87,7 @@ bool RosEngine::take(TimePoint now, std::int64_t now_ns) {
     }
     has_force = true;
     ++counts_.taken;
+    if (arrival.source != std::exchange(source_, arrival.source)) ++counts_.sources;
     taken_at_ = now;
     if (taken_.age) counts_.round_trip.add(*taken_.age);
     counts_.transit.add(Duration(std::max<std::int64_t>(now_ns - arrival.sent_ns, 0)));
@@ -121,9 +123,10 @@ void RosEngine::report(TimePoint now, spdlog::logger& log) {
     log.warn("event=wrench_refused topic={} count={} reason=\"{}\"", force_topic_, due,
              explain(static_cast<WrenchRefusal>(i)));
   }
+  const bool is_another = counts.sources != reported_.sources;
   reported_ = counts;
   const bool is_heard = taken_at && clock_.now() - *taken_at < kSourceSilence;
-  if (is_heard == was_heard_) return;
+  if (is_heard == was_heard_ && !is_another) return;
   was_heard_ = is_heard;
   if (is_heard) {
     log.info("event=force_source topic={}", force_topic_);

@@ -28,9 +28,10 @@ namespace palpate::ros {
 
 /// What has come so far.
 struct WrenchCounts {
-  std::uint64_t poses = 0;
+  std::uint64_t poses = 0;           ///< while somebody listens
   std::uint64_t poses_left_out = 0;  ///< reliable subscribers do not keep up
   std::uint64_t taken = 0;
+  std::uint64_t sources = 0;  ///< of these: from another publisher than the one before
   std::array<std::uint64_t, kWrenchRefusals> refused{};  ///< by WrenchRefusal
   DurationHistogram round_trip{};  ///< from a pose to the force that answers it by name, taken
   DurationHistogram transit{};     ///< from its writer to here; of clocks that agree
@@ -80,6 +81,7 @@ class RosEngine final : public physics::Engine {
   physics::ForeignEngine estimate_;
   ToolMotion answered_;
   std::int64_t last_stamp_ns_ = 0;
+  std::uint64_t source_ = 0;         // of the last force that was taken
   std::uint64_t judged_source_ = 0;  // whose type was looked at last
   bool is_known_ = false;
   std::exception_ptr error_;
