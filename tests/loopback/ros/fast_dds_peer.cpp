@@ -4,14 +4,12 @@
 //
 //   fast_dds_peer DOMAIN NAMESPACE source [FAULT]   servo_cp in, measured_cf out: a half-space of
 //                                                   400 N/m below z = 0, or a fault
-//   fast_dds_peer DOMAIN NAMESPACE listen [reliable]  prints what it hears
+//   fast_dds_peer DOMAIN NAMESPACE listen [reliable]  prints the poses and forces that it hears
+//   fast_dds_peer DOMAIN NAMESPACE read             prints the newest message of every other topic
 //
-// A fault begins with SIGUSR1: stop, repeat, nan, huge (1000 N), late (20 ms), reorder, flood; or
-// at once: own_clock, wrong_hash, milli (in mN), other_frame, wrong_type. Ends with SIGTERM and
-// prints what was sent and received.
-#include <fastcdr/Cdr.h>
-#include <fastcdr/FastBuffer.h>
-
+// A fault begins 3 mm deep after SIGUSR1: stop, repeat, nan, huge (1000 N), late (20 ms), reorder,
+// flood; or at once: own_clock, wrong_hash, milli (in mN), other_frame, wrong_type. Ends with
+// SIGTERM and prints what was sent and received.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <algorithm>
 #include <array>
@@ -31,7 +29,6 @@
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
-#include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
 #include <functional>
 #include <limits>
@@ -41,75 +38,22 @@
 #include <thread>
 #include <vector>
 
+#include "tests/loopback/ros/fast_dds_types.h"
+
+namespace palpate::peer {
 namespace {
 
-namespace dds = eprosima::fastdds::dds;
-namespace rtps = eprosima::fastrtps::rtps;
-using eprosima::fastcdr::Cdr;
-using eprosima::fastcdr::FastBuffer;
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr double kStiffness_newton_per_m = 400.0;
+constexpr double kDeepEnough_m = 0.003;
 constexpr const char* kPoseHash =
     "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8";
 constexpr const char* kWrenchHash =
     "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77";
 constexpr const char* kWrongHash =
     "RIHS01_0000000000000000000000000000000000000000000000000000000000000000";
-
-/// A header and numbers: seven of a pose (position, quaternion), six of a wrench.
-template <std::size_t kCount>
-struct Stamped {
-  std::int32_t sec = 0;
-  std::uint32_t nanosec = 0;
-  std::string frame = "world";
-  std::array<double, kCount> numbers{};
-};
-using Pose = Stamped<7>;
-using Wrench = Stamped<6>;
-
-template <std::size_t kCount>
-class StampedType final : public dds::TopicDataType {
- public:
-  explicit StampedType(const char* name) {
-    setName(name);
-    m_typeSize = 256;
-    m_isGetKeyDefined = false;
-  }
-  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
-    const auto& message = *static_cast<Stamped<kCount>*>(data);
-    FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->max_size);
-    Cdr cdr(buffer, Cdr::LITTLE_ENDIANNESS, Cdr::DDS_CDR);
-    payload->encapsulation = CDR_LE;
-    cdr.serialize_encapsulation();
-    cdr << message.sec << message.nanosec << message.frame;
-    for (const double number : message.numbers) cdr << number;
-    payload->length = static_cast<std::uint32_t>(cdr.getSerializedDataLength());
-    return true;
-  }
-  bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
-    auto& message = *static_cast<Stamped<kCount>*>(data);
-    FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->length);
-    Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
-    try {
-      cdr.read_encapsulation();
-      cdr >> message.sec >> message.nanosec >> message.frame;
-      for (double& number : message.numbers) cdr >> number;
-    } catch (const eprosima::fastcdr::exception::Exception&) {
-      return false;
-    }
-    return true;
-  }
-  std::function<std::uint32_t()> getSerializedSizeProvider(void* /*data*/) override {
-    return [] { return 256U; };
-  }
-  void* createData() override { return new Stamped<kCount>; }
-  void deleteData(void* data) override { delete static_cast<Stamped<kCount>*>(data); }
-  bool getKey(void* /*data*/, rtps::InstanceHandle_t* /*handle*/, bool /*force_md5*/) override {
-    return false;
-  }
-};
 
 std::atomic<bool> has_fault{false};
 std::atomic<bool> has_ended{false};
@@ -179,6 +123,24 @@ class Peer {
                                           listener);
   }
 
+  /// As a node that asks for the usual: reliable, and of `is_latched` what was before it came.
+  /// @param topic  without rt/
+  dds::DataReader* reader_of_words(const std::string& topic, const char* type, Read read,
+                                   bool is_sensor_data, bool is_latched,
+                                   dds::DataReaderListener* listener) {
+    const dds::TypeSupport words(new WordsType(type, read));
+    words.register_type(participant_);
+    dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
+    qos.reliability().kind =
+        is_sensor_data ? dds::BEST_EFFORT_RELIABILITY_QOS : dds::RELIABLE_RELIABILITY_QOS;
+    if (is_latched) qos.durability().kind = dds::TRANSIENT_LOCAL_DURABILITY_QOS;
+    qos.history().depth = 10;
+    qos.endpoint().history_memory_policy = rtps::DYNAMIC_RESERVE_MEMORY_MODE;
+    return subscriber_->create_datareader(
+        participant_->create_topic("rt/" + topic, type, dds::TOPIC_QOS_DEFAULT), qos, listener);
+  }
+  [[nodiscard]] const std::string& name_space() const { return name_space_; }
+
  private:
   dds::Topic* topic(const char* name, const dds::TypeSupport& type) {
     return participant_->create_topic("rt/" + name_space_ + "/" + name, type.get_type_name(),
@@ -218,10 +180,10 @@ class Source final : public dds::DataReaderListener {
   /// Beside the answers; until the end.
   void run() {
     while (!has_ended) {
-      std::this_thread::sleep_for(fault_ == "flood" && has_fault ? 0ms : 1ms);
+      std::this_thread::sleep_for(fault_ == "flood" && is_wrong_ ? 0ms : 1ms);
       const std::scoped_lock lock(mutex_);
-      if (fault_ == "repeat" && has_fault) write(last_);
-      if (fault_ == "flood" && has_fault) {
+      if (fault_ == "repeat" && is_wrong_) write(last_);
+      if (fault_ == "flood" && is_wrong_) {
         for (int i = 0; i < 100; ++i) write(last_);
       }
       while (!late_.empty() && late_.front().due <= Clock::now()) {
@@ -252,16 +214,16 @@ class Source final : public dds::DataReaderListener {
     }
     if (fault_ == "milli") wrench.numbers[2] *= 1000.0;
     if (fault_ == "other_frame") wrench.frame = "ft_sensor";
-    const bool is_wrong = has_fault;
-    if (is_wrong && fault_ == "stop") return;
-    if (is_wrong && fault_ == "repeat") return;
-    if (is_wrong && fault_ == "nan") wrench.numbers[2] = std::numeric_limits<double>::quiet_NaN();
-    if (is_wrong && fault_ == "huge") wrench.numbers = {0.0, 0.0, 1000.0, 0.0, 0.0, 0.0};
-    if (is_wrong && fault_ == "late") {
+    is_wrong_ = is_wrong_ || (has_fault && pose.numbers[2] < -kDeepEnough_m);
+    if (is_wrong_ && fault_ == "stop") return;
+    if (is_wrong_ && fault_ == "repeat") return;
+    if (is_wrong_ && fault_ == "nan") wrench.numbers[2] = std::numeric_limits<double>::quiet_NaN();
+    if (is_wrong_ && fault_ == "huge") wrench.numbers = {0.0, 0.0, 1000.0, 0.0, 0.0, 0.0};
+    if (is_wrong_ && fault_ == "late") {
       late_.push_back({Clock::now() + 20ms, wrench});
       return;
     }
-    if (is_wrong && fault_ == "reorder" && ++answers_ % 2 == 1) {
+    if (is_wrong_ && fault_ == "reorder" && ++answers_ % 2 == 1) {
       held_ = wrench;
       return;
     }
@@ -272,7 +234,7 @@ class Source final : public dds::DataReaderListener {
     }
     write(wrench);
     last_ = wrench;
-    if (is_wrong && fault_ == "reorder") write(held_);
+    if (is_wrong_ && fault_ == "reorder") write(held_);
   }
   void write(Wrench& wrench) {
     if (writer_->write(&wrench)) ++sent_;
@@ -282,6 +244,7 @@ class Source final : public dds::DataReaderListener {
   dds::DataWriter* writer_;
   dds::DataReader* reader_ = nullptr;
   std::mutex mutex_;
+  std::atomic<bool> is_wrong_{false};
   std::atomic<std::uint64_t> received_{0};
   std::uint64_t sent_ = 0;
   std::uint64_t answers_ = 0;
@@ -332,9 +295,65 @@ void listen(Peer& peer, bool is_reliable) {
   for (dds::DataReader* reader : readers) reader->set_listener(nullptr);
 }
 
-}  // namespace
+/// Prints each message of a topic that is not like the one before, at most ten a second.
+class Reading final : public dds::DataReaderListener {
+ public:
+  void on_data_available(dds::DataReader* reader) override {
+    Words words;
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&words, &info) == ReturnCode_t::RETCODE_OK) {
+      const std::scoped_lock lock(mutex_);
+      if (info.valid_data) newest_ = words.text;
+    }
+  }
+  void print(const std::string& topic) {
+    const std::scoped_lock lock(mutex_);
+    if (!newest_.empty()) std::printf("%s: %s\n", topic.c_str(), newest_.c_str());
+    newest_.clear();
+  }
 
-int main(int argc, char** argv) {
+ private:
+  std::mutex mutex_;
+  std::string newest_;
+};
+
+void read_all(Peer& peer) {
+  struct Topic {
+    std::string name;
+    const char* type;
+    Read read;
+    bool is_sensor_data = true;
+    bool is_latched = false;
+  };
+  const std::string prefix = peer.name_space() + "/";
+  const std::vector<Topic> topics{
+      {prefix + "measured_cv", "geometry_msgs::msg::dds_::TwistStamped_", &read_twist},
+      {prefix + "servo_cf", "geometry_msgs::msg::dds_::WrenchStamped_", &read_wrench},
+      {prefix + "measured_js", "sensor_msgs::msg::dds_::JointState_", &read_joints},
+      {prefix + "operating_state", "crtk_msgs::msg::dds_::OperatingState_", &read_state, false,
+       true},
+      {prefix + "ledger_energy_joule", "std_msgs::msg::dds_::Float64_", &read_number},
+      {prefix + "true_energy_joule", "std_msgs::msg::dds_::Float64_", &read_number},
+      {prefix + "clamped_ratio", "std_msgs::msg::dds_::Float64_", &read_number},
+      {prefix + "tissues", "visualization_msgs::msg::dds_::Marker_", &read_marker, false, true},
+      {"tf", "tf2_msgs::msg::dds_::TFMessage_", &read_frames, false},
+      {"tf_static", "tf2_msgs::msg::dds_::TFMessage_", &read_frames, false, true}};
+  std::deque<Reading> readings(topics.size());
+  std::vector<dds::DataReader*> readers;
+  for (std::size_t i = 0; i < topics.size(); ++i) {
+    readers.push_back(peer.reader_of_words(topics[i].name, topics[i].type, topics[i].read,
+                                           topics[i].is_sensor_data, topics[i].is_latched,
+                                           &readings[i]));
+  }
+  while (!has_ended) {
+    std::this_thread::sleep_for(100ms);
+    for (std::size_t i = 0; i < topics.size(); ++i) readings[i].print(topics[i].name);
+    std::fflush(stdout);
+  }
+  for (dds::DataReader* reader : readers) reader->set_listener(nullptr);
+}
+
+int run(int argc, char** argv) {
   if (argc < 4) return 2;
   const std::string mode = argv[3];
   const std::string more = argc > 4 ? argv[4] : "";
@@ -344,8 +363,15 @@ int main(int argc, char** argv) {
   std::fprintf(stderr, "ready\n");
   if (mode == "source") {
     Source(peer, more).run();
+  } else if (mode == "read") {
+    read_all(peer);
   } else {
     listen(peer, more == "reliable");
   }
   return 0;
 }
+
+}  // namespace
+}  // namespace palpate::peer
+
+int main(int argc, char** argv) { return palpate::peer::run(argc, argv); }

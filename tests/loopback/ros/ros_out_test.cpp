@@ -97,6 +97,50 @@ TEST_F(RosOut, AnotherVendorHearsPoseAndForce) {
   stop();
 }
 
+/// What the peer has read last of a topic.
+std::string last_line(const std::string& topic, const std::string& out) {
+  std::string last;
+  std::istringstream lines(out);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with(topic + ": ")) last = line.substr(topic.size() + 2);
+  }
+  return last;
+}
+
+// Every topic, with nothing left over, by the encoders of the other vendor. The energies are those
+// of a press of 2.5 mm; without a controller there is no ledger.
+TEST_F(RosOut, AnotherVendorReadsEveryTopic) {
+  start();
+  test::Program peer("fast_dds_peer", {domain_, "palpate", "read"});
+  ASSERT_TRUE(test::await([&] {
+    const std::string out = peer.out();
+    return last_line("palpate/measured_js", out).find(" 1.0") != std::string::npos &&
+           !last_line("palpate/tissues", out).empty() && !last_line("tf", out).empty() &&
+           !last_line("tf_static", out).empty() &&
+           last_line("palpate/operating_state", out).find("ENABLED") != std::string::npos &&
+           !last_line("palpate/clamped_ratio", out).empty();
+  })) << peer.out()
+      << ros_->err();
+  const std::string out = peer.out();
+  EXPECT_THAT(out, Not(HasSubstr("left over")));
+  EXPECT_THAT(out, Not(HasSubstr("unreadable")));
+  EXPECT_THAT(last_line("palpate/operating_state", out), HasSubstr("device_base ENABLED homed"));
+  EXPECT_THAT(last_line("palpate/measured_js", out), HasSubstr("x y z [ 0.0000 0.0000 -0.002"));
+  EXPECT_THAT(last_line("tf", out), HasSubstr("frame=world child=tool 0.0000 0.0000 -0.002"));
+  EXPECT_THAT(last_line("tf_static", out),
+              HasSubstr("frame=world child=device_base 0.0000 0.0000 0.0000"));
+  EXPECT_THAT(last_line("palpate/servo_cf", out), HasSubstr("frame=device_base 0.0000 0.0000 "));
+  EXPECT_THAT(last_line("palpate/measured_cv", out), HasSubstr("frame=world "));
+  EXPECT_THAT(last_line("palpate/true_energy_joule", out), HasSubstr("0.0"));
+  const std::string marker = last_line("palpate/tissues", out);
+  EXPECT_THAT(marker, HasSubstr("frame=world ns="));
+  EXPECT_THAT(marker, HasSubstr(" id=0 type=11 action=0 "));
+  EXPECT_THAT(marker, Not(HasSubstr(" points=0 ")));
+  EXPECT_THAT(marker, Not(HasSubstr(" more")));
+  end(peer);
+  stop();
+}
+
 TEST_F(RosOut, ASubscriberThatAsksForReliableIsNamedWithARemedyAndHearsWhereItIsOffered) {
   start();
   {
