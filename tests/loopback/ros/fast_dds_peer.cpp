@@ -91,8 +91,6 @@ class Peer {
       std::fprintf(stderr, "fast_dds_peer: no participant in domain %u\n", domain);
       std::exit(1);
     }
-    pose_type_.register_type(participant_);
-    wrench_type_.register_type(participant_);
     publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
     subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   }
@@ -128,8 +126,9 @@ class Peer {
   dds::DataReader* reader_of_words(const std::string& topic, const char* type, Read read,
                                    bool is_sensor_data, bool is_latched,
                                    dds::DataReaderListener* listener) {
-    const dds::TypeSupport words(new WordsType(type, read));
-    words.register_type(participant_);
+    if (participant_->find_type(type).empty()) {
+      dds::TypeSupport(new WordsType(type, read)).register_type(participant_);
+    }
     dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
     qos.reliability().kind =
         is_sensor_data ? dds::BEST_EFFORT_RELIABILITY_QOS : dds::RELIABLE_RELIABILITY_QOS;
@@ -143,6 +142,7 @@ class Peer {
 
  private:
   dds::Topic* topic(const char* name, const dds::TypeSupport& type) {
+    type.register_type(participant_);
     return participant_->create_topic("rt/" + name_space_ + "/" + name, type.get_type_name(),
                                       dds::TOPIC_QOS_DEFAULT);
   }

@@ -112,7 +112,8 @@ inline std::string read_twist(Cdr& cdr) {
 inline std::string read_wrench(Cdr& cdr) { return read_twist(cdr); }
 inline std::string read_number(Cdr& cdr) { return number_text(next<double>(cdr)); }
 inline std::string read_state(Cdr& cdr) {
-  std::string text = header_text(cdr) + " " + next<std::string>(cdr);
+  std::string text = header_text(cdr);
+  text += " " + next<std::string>(cdr);
   if (next<bool>(cdr)) text += " homed";
   if (next<bool>(cdr)) text += " busy";
   return text;
@@ -126,13 +127,15 @@ inline std::string read_joints(Cdr& cdr) {
 inline std::string read_frames(Cdr& cdr) {
   std::string text;
   for (std::uint32_t left = next<std::uint32_t>(cdr); left > 0; --left) {
-    text += header_text(cdr) + " child=" + next<std::string>(cdr);
+    text += header_text(cdr);
+    text += " child=" + next<std::string>(cdr);
     text += numbers_text(cdr, 7);
   }
   return text;
 }
 inline std::string read_marker(Cdr& cdr) {
-  std::string text = header_text(cdr) + " ns=" + next<std::string>(cdr);
+  std::string text = header_text(cdr);
+  text += " ns=" + next<std::string>(cdr);
   text += " id=" + std::to_string(next<std::int32_t>(cdr));
   text += " type=" + std::to_string(next<std::int32_t>(cdr));
   text += " action=" + std::to_string(next<std::int32_t>(cdr));
