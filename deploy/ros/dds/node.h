@@ -23,10 +23,10 @@ namespace palpate::ros {
 /// Where strangers can be heard and hear. DDS asks nobody for a key: whoever is on that network, or
 /// with loopback on that machine, may read and write the topics of the domain.
 struct Network {
-  std::uint32_t domain = 0;               ///< 0 … 232, as ROS_DOMAIN_ID
-  std::string interface = "127.0.0.1";    ///< its address or name
-  std::vector<std::string> peers{};       ///< addresses that are asked where multicast is not
-  std::size_t largest_bytes = 64 * 1024;  ///< of a sample, in or out
+  std::uint32_t domain = 0;             ///< 0 … 232, as ROS_DOMAIN_ID
+  std::string interface = "127.0.0.1";  ///< its address or name
+  std::vector<std::string> peers{};     ///< addresses that are asked where multicast is not
+  std::size_t largest_bytes = std::size_t{64} * 1024;  ///< of a sample, in or out
 
   [[nodiscard]] bool is_loopback() const {
     return interface == "lo" || interface.starts_with("127.");
