@@ -10,6 +10,7 @@
 #   a header
 #   @wire       protobuf's generated headers      @zmq  ZeroMQ      @log  spdlog
 #   @cli        the command line
+#   @dds        Cyclone DDS, and the messages of ROS 2 as it generates them
 #   @threads    locks and threads, which the tick must not know
 # Every folder may include its own headers. main.* and process.* are exempt: they connect a node to
 # the world.
@@ -113,6 +114,11 @@ set(PALPATE_BOUNDARIES
   "deploy/scan:common/core,common/core/user,common/contact,physics_node/surfaces,physics_node/files,physics_node/elastic"
   "deploy/launch:common/*,@log,@threads"
   "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/release.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
+  # topics of ROS 2: dds ← viewer, physics; nobody includes from there
+  "deploy/ros:common/core,common/process,deploy/ros/*,physics_node/engine_process,@cli"
+  "deploy/ros/dds:common/core,@dds"
+  "deploy/ros/viewer:common/core,common/link,common/process,common/session,common/telemetry,deploy/ros/dds,viewer_node,viewer_node/feed,viewer_node/task,@log"
+  "deploy/ros/physics:common/core,common/process,common/session,common/telemetry,deploy/ros/dds,physics_node,physics_node/engine_process,physics_node/foreign,physics_node/sdk/physics.h,@log,@threads"
   "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/study,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,viewer_node/task,@log,@cli,@threads"
   # its page has a server of its own
   "deploy/palpate/stations:common/*,deploy/palpate,viewer_node/server,@log,@cli,@threads")
@@ -180,6 +186,10 @@ function(palpate_check_boundaries)
                        ${truth} ${sockets})
   palpate_forbid_links(viewer_server mofc_node_lib palpate_clamp device_node_lib
                        physics_node_lib ${truth} ${sockets})
+  foreach(program IN ITEMS palpate palpate_tools device_node mofc_node device_mofc_node physics_node
+                           viewer_node)
+    palpate_forbid_links(${program} palpate_dds)  # sessions without ROS load nothing of DDS
+  endforeach()
 
   list(JOIN PALPATE_BOUNDARIES ";" rules)
   add_custom_target(include_boundaries ALL

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # cmake -DROOT=<source tree> -DRULES="folder:allowed,allowed;…" -P check_includes.cmake
-# Fails if a source includes a header of the project, of the wire, of the log, or of locks and
+# Fails if a source includes a header of the project, of the wire, of the log, of DDS, or of locks and
 # threads that the rule of its folder does not allow. Rules: cmake/boundaries.cmake.
 
 cmake_policy(VERSION 3.25)
@@ -9,6 +9,7 @@ set(group_wire "^(palpate/v1/|foxglove/|google/protobuf/)")
 set(group_zmq "^zmq")
 set(group_log "^spdlog/")
 set(group_cli "^CLI/")
+set(group_dds "^(dds/|ros_messages\\.h$)")
 set(group_threads "^(mutex|shared_mutex|condition_variable|semaphore|future|thread|pthread.h)$")
 set(project "^(common|deploy|device_node|mofc_node|physics_node|tests|viewer_node)/")
 
@@ -71,7 +72,8 @@ foreach(top IN LISTS tops)
         # system headers pass, but for those with a rule
         set(is_guarded FALSE)
         foreach(guarded "${project}" "${group_wire}" "${group_zmq}" "${group_log}"
-                "${group_cli}" "${group_threads}")
+                "${group_cli}" "${group_dds}"
+                "${group_threads}")
           if(header MATCHES "${guarded}")
             set(is_guarded TRUE)
           endif()

@@ -7,6 +7,9 @@ include(CMakePackageConfigHelpers)
 
 # launch starts the nodes that lie beside it
 install(TARGETS palpate palpate_tools device_node mofc_node device_mofc_node physics_node viewer_node)
+if(PALPATE_ROS)
+  install(TARGETS palpate_ros)
+endif()
 install(TARGETS palpate_rivals LIBRARY DESTINATION lib/palpate)
 install(DIRECTORY deploy/campaigns deploy/sessions deploy/studies proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "*.msh" PATTERN "organ.ply"

@@ -70,6 +70,7 @@ template <class Work>
 [[nodiscard]] Command add_stations_command(CLI::App& app);
 [[nodiscard]] Command add_devices_command(CLI::App& app);
 [[nodiscard]] Command add_emulate_command(CLI::App& app);
+[[nodiscard]] Command add_ros_command(CLI::App& app);
 // They print what is made from the definitions of the other commands: add them last.
 [[nodiscard]] Command add_explain_command(CLI::App& app);
 [[nodiscard]] Command add_help_command(CLI::App& app);

@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
         add_keygen_command(app),      add_make_organ_command(app), add_import_command(app),
         add_mesh_command(app),        add_sweep_command(app),      add_study_command(app),
         add_stations_command(app),    add_devices_command(app),    add_emulate_command(app),
-        add_explain_command(app),     add_help_command(app),       add_man_command(app),
-        add_completion_command(app)};
+        add_ros_command(app),         add_explain_command(app),    add_help_command(app),
+        add_man_command(app),         add_completion_command(app)};
   });
 }

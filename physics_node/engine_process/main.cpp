@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // palpate::sdk::run: an engine from elsewhere as a process.
 #include <CLI/CLI.hpp>
-#include <cstdlib>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "common/core/check.h"
 #include "common/process/run_node.h"
+#include "physics_node/engine_process/launched_session.h"
 #include "physics_node/engine_process/process.h"
 #include "physics_node/foreign/foreign_display.h"
 #include "physics_node/foreign/foreign_engine.h"
@@ -14,21 +13,6 @@
 
 namespace palpate::sdk {
 namespace {
-
-/// What `palpate launch` gives, as docs/extending.md describes it; none if started by hand.
-std::optional<LaunchedSession> launched_session() {
-  const char* text = std::getenv("PALPATE_PHYSICS");
-  if (text == nullptr) return std::nullopt;
-  const auto json = nlohmann::json::parse(text, nullptr, false);
-  try {
-    return LaunchedSession{.file = json.at("session").get<std::string>(),
-                           .overrides = json.at("overrides").get<std::vector<std::string>>(),
-                           .is_insecure = json.value("insecure", false)};
-  } catch (const nlohmann::json::exception& error) {
-    throw palpate::SetupError("PALPATE_PHYSICS: " + std::string(error.what()) +
-                              "; it is set by `palpate launch`: unset it, and give --session FILE");
-  }
-}
 
 Setup setup_of(const Session& session, const Side& side, std::vector<std::string> arguments) {
   return {.session_file = session.file,
@@ -78,7 +62,7 @@ int run(int argc, char** argv, const Program& program, const MakeEngine& make_en
                    .program = program.name,
                    .description = program.description,
                    .signals = "SIGUSR1 writes the last ticks to a file (the log names it).",
-                   .launched = launched_session,
+                   .launched = physics::launched_session,
                    .add_options =
                        [&](CLI::App& app) {
                          if (!program.arguments.empty()) {

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// node.h — a participant of DDS whose topics and types are those that nodes of ROS 2 expect: topic
+// rt/NAME, type PACKAGE::msg::dds_::NAME_, the type's hash in USER_DATA. Its network is what the
+// options say; no variable of the environment and no file adds to it.
+#pragma once
+
+#include <dds/dds.h>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "deploy/ros/dds/messages.h"
+
+namespace palpate::ros {
+
+/// Where strangers can be heard and hear. DDS asks nobody for a key: whoever is on that network, or
+/// with loopback on that machine, may read and write the topics of the domain.
+struct Network {
+  std::uint32_t domain = 0;             ///< 0 … 232, as ROS_DOMAIN_ID
+  std::string interface = "127.0.0.1";  ///< its address or name
+  std::vector<std::string> peers{};     ///< addresses that are asked where multicast is not
+  std::size_t largest_bytes = std::size_t{64} * 1024;  ///< of a sample, in or out
+
+  [[nodiscard]] bool is_loopback() const {
+    return interface == "lo" || interface.starts_with("127.");
+  }
+};
+
+/// The configuration of Cyclone DDS. Throws SetupError.
+[[nodiscard]] std::string configuration_of(const Network& network);
+
+/// How a topic is offered.
+enum class Offer : std::uint8_t {
+  kSensorData,  ///< best effort, keep last 5, as ROS 2 calls it
+  kReliable,    ///< reliable, keep last 100
+  kLatched,     ///< reliable, and kept for those that come later
+};
+
+/// An entity of DDS, deleted with what it contains at the end.
+class Entity {
+ public:
+  /// @throws SetupError  it is an error: "what (why)"
+  Entity(dds_entity_t entity, const std::string& what);
+  ~Entity();
+  Entity(Entity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
+  Entity& operator=(Entity&&) = delete;
+  Entity(const Entity&) = delete;
+  Entity& operator=(const Entity&) = delete;
+
+  [[nodiscard]] dds_entity_t get() const { return entity_; }
+
+ private:
+  dds_entity_t entity_;
+};
+
+template <class T>
+class Writer {
+ public:
+  explicit Writer(Entity writer) : writer_(std::move(writer)) {}
+
+  /// @return false: left out, because reliable readers do not keep up
+  bool write(const T& message) { return dds_write(writer_.get(), &message) == DDS_RETCODE_OK; }
+  /// Matched so far, those that have gone included.
+  [[nodiscard]] std::uint32_t readers_so_far() const { return matched().total_count; }
+  [[nodiscard]] bool has_reader() const { return matched().current_count > 0; }
+
+ private:
+  [[nodiscard]] dds_publication_matched_status_t matched() const {
+    dds_publication_matched_status_t status{};
+    dds_get_publication_matched_status(writer_.get(), &status);
+    return status;
+  }
+
+  Entity writer_;
+};
+
+/// What came with a message.
+struct Arrival {
+  std::uint64_t source = 0;  ///< of the writer; not 0
+  std::int64_t sent_ns = 0;  ///< its wall clock
+};
+
+template <class T>
+class Reader {
+ public:
+  static constexpr std::uint32_t kDepth = 8;
+
+  explicit Reader(Entity reader) : reader_(std::move(reader)) {}
+
+  /// Takes what has come since the last call, oldest first, of each burst the newest kDepth.
+  template <class Take>
+  void take(Take&& take) {
+    std::array<void*, kDepth> samples{};
+    std::array<dds_sample_info_t, kDepth> infos{};
+    const dds_return_t count =
+        dds_take(reader_.get(), samples.data(), infos.data(), kDepth, kDepth);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count > 0 ? count : 0); ++i) {
+      if (!infos[i].valid_data) continue;
+      take(*static_cast<const T*>(samples[i]),
+           Arrival{.source = infos[i].publication_handle, .sent_ns = infos[i].source_timestamp});
+    }
+    if (count > 0) dds_return_loan(reader_.get(), samples.data(), count);
+  }
+  [[nodiscard]] dds_entity_t get() const { return reader_.get(); }
+
+ private:
+  Entity reader_;
+};
+
+/// A participant, its writers and readers. Its functions may be called by several threads, but for
+/// writer() and reader().
+class Node {
+ public:
+  /// @throws SetupError  wrong network
+  explicit Node(const Network& network);
+
+  /// @param topic  without rt/
+  template <class T>
+  [[nodiscard]] Writer<T> writer(const std::string& topic, Offer offer) {
+    return Writer<T>(make_writer(topic, TypeOf<T>::kType, offer));
+  }
+  /// Of any writer, reliable or not. Keeps Reader::kDepth.
+  template <class T>
+  [[nodiscard]] Reader<T> reader(const std::string& topic) {
+    return Reader<T>(make_reader(topic, TypeOf<T>::kType, static_cast<int>(Reader<T>::kDepth)));
+  }
+
+  /// Calls `say` for each stranger on these topics that is not understood or does not hear: another
+  /// type, another definition of the type, a quality that is not offered. Each line once. At most
+  /// 32 strangers a call, and 100 lines in all.
+  void note_strangers(const std::function<void(const std::string& line)>& say);
+
+  /// What is wrong with the writer of a sample; empty: nothing.
+  [[nodiscard]] static std::string complaint_about(dds_entity_t reader, std::uint64_t source,
+                                                   const TopicType& type);
+
+ private:
+  struct Local {
+    TopicType type;
+    bool is_writer = false;
+    Offer offer = Offer::kSensorData;
+  };
+  Entity make_writer(const std::string& topic, const TopicType& type, Offer offer);
+  Entity make_reader(const std::string& topic, const TopicType& type, int depth);
+  [[nodiscard]] dds_entity_t topic_of(const std::string& name, const TopicType& type);
+  [[nodiscard]] std::string complaint_about(const dds_builtintopic_endpoint_t& stranger,
+                                            bool is_writer) const;
+  void note(dds_entity_t reader, bool are_writers,
+            const std::function<void(const std::string& line)>& say);
+
+  Entity domain_;
+  Entity participant_;
+  Entity publications_;                       // of strangers
+  Entity subscriptions_;                      // of strangers
+  std::multimap<std::string, Local> locals_;  // by topic, with rt/
+  std::set<std::string> said_;
+};
+
+}  // namespace palpate::ros

@@ -1,0 +1,377 @@
+// SPDX-License-Identifier: Apache-2.0
+// fast_dds_peer — what a node of ROS 2 does, by the other vendor's DDS (Fast DDS, the default of
+// ROS 2) and with encoders of its own: nothing is shared with palpate_ros.
+//
+//   fast_dds_peer DOMAIN NAMESPACE source [FAULT]   servo_cp in, measured_cf out: a half-space of
+//                                                   400 N/m below z = 0, or a fault
+//   fast_dds_peer DOMAIN NAMESPACE listen [reliable]  prints the poses and forces that it hears
+//   fast_dds_peer DOMAIN NAMESPACE read             prints the newest message of every other topic
+//
+// A fault begins 1.5 mm deep after SIGUSR1: stop, repeat, nan, huge (1000 N), late (20 ms),
+// reorder, flood; or at once: own_clock, wrong_hash, milli (in mN), other_frame, wrong_type. Ends
+// with SIGTERM and prints what was sent and received.
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <deque>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/loopback/ros/fast_dds_types.h"
+
+namespace palpate::peer {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr double kStiffness_newton_per_m = 400.0;
+constexpr double kDeepEnough_m = 0.0015;
+constexpr const char* kPoseHash =
+    "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8";
+constexpr const char* kWrenchHash =
+    "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77";
+constexpr const char* kWrongHash =
+    "RIHS01_0000000000000000000000000000000000000000000000000000000000000000";
+
+std::atomic<bool> has_fault{false};
+std::atomic<bool> has_ended{false};
+
+/// Of this machine only, as ROS 2 is with discovery range LOCALHOST.
+dds::DomainParticipantQos on_loopback(std::uint32_t domain) {
+  dds::DomainParticipantQos qos = dds::PARTICIPANT_QOS_DEFAULT;
+  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  udp->interfaceWhiteList.emplace_back("127.0.0.1");
+  qos.transport().use_builtin_transports = false;
+  qos.transport().user_transports.push_back(udp);
+  for (std::uint32_t i = 0; i < 8; ++i) {
+    rtps::Locator_t peer;
+    rtps::IPLocator::setIPv4(peer, "127.0.0.1");
+    peer.port = 7410 + 250 * domain + 2 * i;
+    qos.wire_protocol().builtin.initialPeersList.push_back(peer);
+  }
+  return qos;
+}
+
+void set_hash(dds::UserDataQosPolicy& data, const char* hash) {
+  const std::string text = std::string("typehash=") + hash + ";";
+  data.setValue(std::vector<rtps::octet>(text.begin(), text.end()));
+}
+
+class Peer {
+ public:
+  Peer(std::uint32_t domain, std::string name_space)
+      : name_space_(std::move(name_space)),
+        participant_(dds::DomainParticipantFactory::get_instance()->create_participant(
+            domain, on_loopback(domain))),
+        pose_type_(new StampedType<7>("geometry_msgs::msg::dds_::PoseStamped_")),
+        wrench_type_(new StampedType<6>("geometry_msgs::msg::dds_::WrenchStamped_")) {
+    if (participant_ == nullptr) {
+      std::fprintf(stderr, "fast_dds_peer: no participant in domain %u\n", domain);
+      std::exit(1);
+    }
+    publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+    subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
+  }
+  ~Peer() {
+    participant_->delete_contained_entities();
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  }
+  Peer(const Peer&) = delete;
+  Peer& operator=(const Peer&) = delete;
+
+  dds::DataWriter* writer_of_wrenches(const char* hash, bool is_pose = false) {
+    dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
+    qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
+    qos.durability().kind = dds::VOLATILE_DURABILITY_QOS;
+    qos.history().depth = 5;
+    set_hash(qos.user_data(), hash);
+    return publisher_->create_datawriter(topic("measured_cf", is_pose ? pose_type_ : wrench_type_),
+                                         qos);
+  }
+  dds::DataReader* reader(const char* name, bool is_pose, bool is_reliable,
+                          dds::DataReaderListener* listener) {
+    dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
+    qos.reliability().kind =
+        is_reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
+    qos.history().depth = 5;
+    set_hash(qos.user_data(), is_pose ? kPoseHash : kWrenchHash);
+    return subscriber_->create_datareader(topic(name, is_pose ? pose_type_ : wrench_type_), qos,
+                                          listener);
+  }
+
+  /// As a node that asks for the usual: reliable, and of `is_latched` what was before it came.
+  /// @param topic  without rt/
+  dds::DataReader* reader_of_words(const std::string& topic, const char* type, Read read,
+                                   bool is_sensor_data, bool is_latched,
+                                   dds::DataReaderListener* listener) {
+    if (participant_->find_type(type).empty()) {
+      dds::TypeSupport(new WordsType(type, read)).register_type(participant_);
+    }
+    dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
+    qos.reliability().kind =
+        is_sensor_data ? dds::BEST_EFFORT_RELIABILITY_QOS : dds::RELIABLE_RELIABILITY_QOS;
+    if (is_latched) qos.durability().kind = dds::TRANSIENT_LOCAL_DURABILITY_QOS;
+    qos.history().depth = 10;
+    qos.endpoint().history_memory_policy = rtps::DYNAMIC_RESERVE_MEMORY_MODE;
+    return subscriber_->create_datareader(
+        participant_->create_topic("rt/" + topic, type, dds::TOPIC_QOS_DEFAULT), qos, listener);
+  }
+  [[nodiscard]] const std::string& name_space() const { return name_space_; }
+
+ private:
+  dds::Topic* topic(const char* name, const dds::TypeSupport& type) {
+    type.register_type(participant_);
+    return participant_->create_topic("rt/" + name_space_ + "/" + name, type.get_type_name(),
+                                      dds::TOPIC_QOS_DEFAULT);
+  }
+
+  std::string name_space_;
+  dds::DomainParticipant* participant_;
+  dds::TypeSupport pose_type_;
+  dds::TypeSupport wrench_type_;
+  dds::Publisher* publisher_ = nullptr;
+  dds::Subscriber* subscriber_ = nullptr;
+};
+
+/// Answers each pose, on the thread that receives it.
+class Source final : public dds::DataReaderListener {
+ public:
+  Source(Peer& peer, std::string fault)
+      : fault_(std::move(fault)),
+        writer_(peer.writer_of_wrenches(fault_ == "wrong_hash" ? kWrongHash : kWrenchHash,
+                                        fault_ == "wrong_type")) {
+    reader_ = peer.reader("servo_cp", true, false, this);
+  }
+  ~Source() override { reader_->set_listener(nullptr); }
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+
+  void on_data_available(dds::DataReader* reader) override {
+    Pose pose;
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&pose, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      ++received_;
+      answer(pose);
+    }
+  }
+  /// Beside the answers; until the end.
+  void run() {
+    while (!has_ended) {
+      std::this_thread::sleep_for(fault_ == "flood" && is_wrong_ ? 0ms : 1ms);
+      const std::scoped_lock lock(mutex_);
+      if (fault_ == "repeat" && is_wrong_) write(last_);
+      if (fault_ == "flood" && is_wrong_) {
+        for (int i = 0; i < 100; ++i) write(last_);
+      }
+      while (!late_.empty() && late_.front().due <= Clock::now()) {
+        write(late_.front().wrench);
+        late_.pop_front();
+      }
+    }
+    std::printf("received=%llu sent=%llu\n", static_cast<unsigned long long>(received_.load()),
+                static_cast<unsigned long long>(sent_));
+  }
+
+ private:
+  struct Late {
+    Clock::time_point due;
+    Wrench wrench;
+  };
+
+  void answer(const Pose& pose) {
+    const std::scoped_lock lock(mutex_);
+    Wrench wrench{.sec = pose.sec, .nanosec = pose.nanosec};
+    wrench.numbers[2] = kStiffness_newton_per_m * std::max(0.0, -pose.numbers[2]);
+    if (fault_ == "own_clock") {
+      const std::int64_t now_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(
+                                      std::chrono::system_clock::now().time_since_epoch())
+                                      .count();
+      wrench.sec = static_cast<std::int32_t>(now_ns / 1'000'000'000);
+      wrench.nanosec = static_cast<std::uint32_t>(now_ns % 1'000'000'000);
+    }
+    if (fault_ == "milli") wrench.numbers[2] *= 1000.0;
+    if (fault_ == "other_frame") wrench.frame = "ft_sensor";
+    is_wrong_ = is_wrong_ || (has_fault && pose.numbers[2] < -kDeepEnough_m);
+    if (is_wrong_ && fault_ == "stop") return;
+    if (is_wrong_ && fault_ == "repeat") return;
+    if (is_wrong_ && fault_ == "nan") wrench.numbers[2] = std::numeric_limits<double>::quiet_NaN();
+    if (is_wrong_ && fault_ == "huge") wrench.numbers = {0.0, 0.0, 1000.0, 0.0, 0.0, 0.0};
+    if (is_wrong_ && fault_ == "late") {
+      late_.push_back({Clock::now() + 20ms, wrench});
+      return;
+    }
+    if (is_wrong_ && fault_ == "reorder" && ++answers_ % 2 == 1) {
+      held_ = wrench;
+      return;
+    }
+    if (fault_ == "wrong_type") {
+      Pose other{.sec = pose.sec, .nanosec = pose.nanosec};
+      if (writer_->write(&other)) ++sent_;
+      return;
+    }
+    write(wrench);
+    last_ = wrench;
+    if (is_wrong_ && fault_ == "reorder") write(held_);
+  }
+  void write(Wrench& wrench) {
+    if (writer_->write(&wrench)) ++sent_;
+  }
+
+  const std::string fault_;
+  dds::DataWriter* writer_;
+  dds::DataReader* reader_ = nullptr;
+  std::mutex mutex_;
+  std::atomic<bool> is_wrong_{false};
+  std::atomic<std::uint64_t> received_{0};
+  std::uint64_t sent_ = 0;
+  std::uint64_t answers_ = 0;
+  Wrench last_;
+  Wrench held_;
+  std::deque<Late> late_;
+};
+
+/// Of one topic.
+template <class T>
+class Ear final : public dds::DataReaderListener {
+ public:
+  void on_data_available(dds::DataReader* reader) override {
+    T message;
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      const std::scoped_lock lock(mutex_);
+      newest_ = message;
+      ++count_;
+    }
+  }
+  void print(const char* name) {
+    const std::scoped_lock lock(mutex_);
+    std::printf("%s=%llu frame=%s", name, static_cast<unsigned long long>(count_),
+                newest_.frame.c_str());
+    for (const double number : newest_.numbers) std::printf(" %.6f", number);
+    std::printf("\n");
+  }
+
+ private:
+  std::mutex mutex_;
+  T newest_;
+  std::uint64_t count_ = 0;
+};
+
+void listen(Peer& peer, bool is_reliable) {
+  Ear<Pose> poses;
+  Ear<Wrench> wrenches;
+  const std::array readers{peer.reader("measured_cp", true, is_reliable, &poses),
+                           peer.reader("measured_cf", false, is_reliable, &wrenches)};
+  while (!has_ended) {
+    std::this_thread::sleep_for(100ms);
+    poses.print("measured_cp");
+    wrenches.print("measured_cf");
+    std::fflush(stdout);
+  }
+  for (dds::DataReader* reader : readers) reader->set_listener(nullptr);
+}
+
+/// Prints each message of a topic that is not like the one before, at most ten a second.
+class Reading final : public dds::DataReaderListener {
+ public:
+  void on_data_available(dds::DataReader* reader) override {
+    Words words;
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&words, &info) == ReturnCode_t::RETCODE_OK) {
+      const std::scoped_lock lock(mutex_);
+      if (info.valid_data) newest_ = words.text;
+    }
+  }
+  void print(const std::string& topic) {
+    const std::scoped_lock lock(mutex_);
+    if (!newest_.empty()) std::printf("%s: %s\n", topic.c_str(), newest_.c_str());
+    newest_.clear();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::string newest_;
+};
+
+void read_all(Peer& peer) {
+  struct Topic {
+    std::string name;
+    const char* type;
+    Read read;
+    bool is_sensor_data = true;
+    bool is_latched = false;
+  };
+  const std::string prefix = peer.name_space() + "/";
+  const std::vector<Topic> topics{
+      {prefix + "measured_cv", "geometry_msgs::msg::dds_::TwistStamped_", &read_twist},
+      {prefix + "servo_cf", "geometry_msgs::msg::dds_::WrenchStamped_", &read_wrench},
+      {prefix + "measured_js", "sensor_msgs::msg::dds_::JointState_", &read_joints},
+      {prefix + "operating_state", "crtk_msgs::msg::dds_::OperatingState_", &read_state, false,
+       true},
+      {prefix + "ledger_energy_joule", "std_msgs::msg::dds_::Float64_", &read_number},
+      {prefix + "true_energy_joule", "std_msgs::msg::dds_::Float64_", &read_number},
+      {prefix + "clamped_ratio", "std_msgs::msg::dds_::Float64_", &read_number},
+      {prefix + "tissues", "visualization_msgs::msg::dds_::Marker_", &read_marker, false, true},
+      {"tf", "tf2_msgs::msg::dds_::TFMessage_", &read_frames, false},
+      {"tf_static", "tf2_msgs::msg::dds_::TFMessage_", &read_frames, false, true}};
+  std::deque<Reading> readings(topics.size());
+  std::vector<dds::DataReader*> readers;
+  for (std::size_t i = 0; i < topics.size(); ++i) {
+    readers.push_back(peer.reader_of_words(topics[i].name, topics[i].type, topics[i].read,
+                                           topics[i].is_sensor_data, topics[i].is_latched,
+                                           &readings[i]));
+  }
+  while (!has_ended) {
+    std::this_thread::sleep_for(100ms);
+    for (std::size_t i = 0; i < topics.size(); ++i) readings[i].print(topics[i].name);
+    std::fflush(stdout);
+  }
+  for (dds::DataReader* reader : readers) reader->set_listener(nullptr);
+}
+
+int run(int argc, char** argv) {
+  if (argc < 4) return 2;
+  const std::string mode = argv[3];
+  const std::string more = argc > 4 ? argv[4] : "";
+  std::signal(SIGUSR1, [](int) { has_fault = true; });
+  std::signal(SIGTERM, [](int) { has_ended = true; });
+  Peer peer(static_cast<std::uint32_t>(std::stoul(argv[1])), argv[2]);
+  std::fprintf(stderr, "ready\n");
+  if (mode == "source") {
+    Source(peer, more).run();
+  } else if (mode == "read") {
+    read_all(peer);
+  } else {
+    listen(peer, more == "reliable");
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace palpate::peer
+
+int main(int argc, char** argv) { return palpate::peer::run(argc, argv); }
