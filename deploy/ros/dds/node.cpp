@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "common/core/check.h"
+#include "deploy/ros/dds/loopback.h"
 
 namespace palpate::ros {
 namespace {
@@ -75,8 +76,17 @@ std::string hash_complaint(const dds_builtintopic_endpoint_t& stranger, const To
          ", here it is " + type.hash + ": it comes from another version of the package";
 }
 
+/// On loopback it is confined before a participant may be found.
 dds_entity_t create_domain(const Network& network) {
-  return dds_create_domain(network.domain, configuration_of(network).c_str());
+  const dds_entity_t domain = dds_create_domain(network.domain, configuration_of(network).c_str());
+  if (domain < 0 || !network.is_loopback()) return domain;
+  if (const std::string why = confine_to_loopback(network.domain); !why.empty()) {
+    dds_delete(domain);
+    throw SetupError("DDS cannot be kept on this machine (" + why +
+                     "); if the network is yours alone, name one of its addresses with --interface "
+                     "and --domain");
+  }
+  return domain;
 }
 
 }  // namespace
