@@ -30,7 +30,6 @@ namespace palpate {
 namespace {
 
 using campaign::Campaign;
-using campaign::Folder;
 using campaign::Results;
 
 /// What `palpate sweep` and `palpate sweep report` share.
@@ -111,7 +110,7 @@ struct SweepReportCommand {
                        ": no results yet; compute some with `palpate sweep`, or name their folder "
                        "with --folder");
     }
-    const Folder folder(campaign.folder_of(loaded), loaded, true);
+    const campaign::Folder folder(campaign.folder_of(loaded), loaded, true);
     Results results(loaded);
     results.refresh(folder.path());
     campaign.check({{"--svg", svg_file}}, loaded);
@@ -186,12 +185,13 @@ struct SweepCommand {
   [[nodiscard]] int run(const Verbosity& verbosity) const;
 
  private:
-  [[nodiscard]] bool compute(const Campaign& loaded, const Folder& folder, Results& results,
-                             const Verbosity& verbosity) const;
-  void record_worst(const Campaign& loaded, const Folder& folder, const Results& results) const;
+  [[nodiscard]] bool compute(const Campaign& loaded, const campaign::Folder& folder,
+                             Results& results, const Verbosity& verbosity) const;
+  void record_worst(const Campaign& loaded, const campaign::Folder& folder,
+                    const Results& results) const;
 };
 
-bool SweepCommand::compute(const Campaign& loaded, const Folder& folder, Results& results,
+bool SweepCommand::compute(const Campaign& loaded, const campaign::Folder& folder, Results& results,
                            const Verbosity& verbosity) const {
   const StopSignal stop;
   Progress progress("sweep", verbosity.is_quiet);
@@ -216,7 +216,7 @@ bool SweepCommand::compute(const Campaign& loaded, const Folder& folder, Results
                              .may_go_on = may_go_on});
 }
 
-void SweepCommand::record_worst(const Campaign& loaded, const Folder& folder,
+void SweepCommand::record_worst(const Campaign& loaded, const campaign::Folder& folder,
                                 const Results& results) const {
   int number = 0;
   for (const std::uint64_t run : worst_runs(loaded, results, worst)) {
@@ -244,7 +244,7 @@ int SweepCommand::run(const Verbosity& verbosity) const {
 
   WholeFile csv("csv file", csv_file, campaign.may_overwrite);
   WholeFile json("json file", json_file, campaign.may_overwrite);
-  const Folder folder(campaign.folder_of(loaded), loaded, share.second > 0);
+  const campaign::Folder folder(campaign.folder_of(loaded), loaded, share.second > 0);
   Results results(loaded);
   results.refresh(folder.path());
   const std::uint64_t known = results.known();
