@@ -44,7 +44,7 @@ struct RosCommand {
     }
     throw SetupError(
         "ros: this build has no DDS; install cyclonedds-dev and cyclonedds-tools, and build with "
-        "cmake -DPALPATE_ROS=ON (docs/ros.md)");
+        "cmake -DPALPATE_ROS=ON (docs/operations/ros.md)");
   }
 };
 
