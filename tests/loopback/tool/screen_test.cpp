@@ -334,6 +334,7 @@ TEST(Help, IsCompletedAndPrintedAsPagesForEveryCommand) {
     std::string file = PALPATE_BINARY_DIR "/../deploy/palpate/pages/palpate";
     for (const std::string& word : command) file += "-" + word;
     EXPECT_EQ(test::text_of(file + ".1"), run_program("palpate", man).out) << "of the package";
+    if (command == Arguments{"ros"}) continue;  // its help is that of palpate_ros
     for (const std::string& option : options_in(help.substr(help.find("Options:")))) {
       EXPECT_THAT(bash, HasSubstr(option));
       EXPECT_THAT(page, HasSubstr(option));
