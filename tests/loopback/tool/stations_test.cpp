@@ -102,6 +102,7 @@ std::string answer_of(TaskScore score) {
 TEST(Stations, TellTheResultAndTheMissingShareApart) {
   TaskScore search;
   search.kind = TaskState::Kind::kPalpation;
+  search.area_m2 = 0.01;
   search.targets.resize(2);
   search.targets[0].outcome = TargetScore::Outcome::kFound;
   TaskScore needle;
