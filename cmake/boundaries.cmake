@@ -30,7 +30,7 @@ set(PALPATE_BOUNDARIES
   "common/session/reference:common/session/file,@wire"
   "common/telemetry:common/core,common/core/user,common/session,common/telemetry/verdict,@log,@threads"
   "common/telemetry/verdict:common/core,common/session,common/telemetry,@log"
-  "common/task:common/core,common/contact,common/session,common/telemetry,@log"
+  "common/task:common/core,common/core/user,common/contact,common/session,common/telemetry,@log"
   # in link: codec, security ← socket ← the ends
   "common/link/codec:common/core,common/core/elastic,common/coupling,common/telemetry,@wire"
   "common/link/security:common/core,common/core/user,@zmq,@threads"
@@ -99,7 +99,7 @@ set(PALPATE_BOUNDARIES
   "viewer_node:common/*,viewer_node/audience,viewer_node/feed,viewer_node/live,viewer_node/openigtlink,viewer_node/recording,viewer_node/server,viewer_node/task,@log"
   "viewer_node/live:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,viewer_node/task,@log"
   "viewer_node/audience:common/*,viewer_node/live/channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
-  "viewer_node/feed:common/core,common/session,common/telemetry"
+  "viewer_node/feed:common/core,common/core/user,common/session,common/telemetry"
   "viewer_node/recording/html:"
   "viewer_node/recording:common/*,viewer_node/feed,viewer_node/recording/html,@log,@threads"
   "viewer_node/task:common/*,viewer_node/feed,viewer_node/recording,viewer_node/recording/html,@log"

@@ -21,8 +21,6 @@ constexpr std::array kStopSignals{SIGINT, SIGTERM, SIGHUP};
 
 volatile std::sig_atomic_t is_stop_requested = 0;
 
-bool begins_character(char byte) { return (static_cast<unsigned char>(byte) & 0xC0U) != 0x80U; }
-
 std::string time_text(double seconds) {
   if (seconds < 60.0) return fmt::format("{:.0f} s", seconds);
   const auto minutes = static_cast<int>(seconds / 60.0);
@@ -55,10 +53,6 @@ std::string coloured(const std::string& text, Colour colour, int descriptor) {
                             : colour == Colour::kFair ? "\033[33m"
                                                       : "\033[31m";
   return begin + text + "\033[0m";
-}
-
-std::size_t columns_of(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), begins_character));
 }
 
 std::string fitted(const std::string& text, std::size_t columns) {

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "common/core/clock.h"
+#include "common/core/user/utf8.h"
 
 namespace palpate {
 
@@ -30,8 +31,6 @@ enum class Colour { kGood, kFair, kBad };
 [[nodiscard]] std::string coloured(const std::string& text, Colour colour,
                                    int descriptor = STDOUT_FILENO);
 
-/// Characters of UTF-8 text.
-[[nodiscard]] std::size_t columns_of(const std::string& text);
 /// The text without the characters that do not fit, the last one kept is "…".
 [[nodiscard]] std::string fitted(const std::string& text, std::size_t columns);
 

@@ -11,6 +11,7 @@
 #include <set>
 #include <utility>
 
+#include "common/core/user/utf8.h"
 #include "common/telemetry/csv_writer.h"
 #include "common/telemetry/summary.h"
 
@@ -206,34 +207,21 @@ std::string compared_text(const std::vector<NamedScore>& scores) {
       column.push_back(figure == figures.end() ? "–" : figure->second);
     }
   }
-  const std::vector<std::string> names = short_names(scores);
-  const auto characters = [](const std::string& text) {  // of UTF-8
-    return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
-      return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
-    }));
-  };
-  const auto cell_of = [&](std::size_t column, std::size_t line) -> std::string {
-    return line < columns[column].size() ? columns[column][line] : "–";
-  };
-  std::size_t first = 0;  // width of the labels
-  for (const std::string& label : labels) first = std::max(first, characters(label) + kGap);
-  std::vector<std::size_t> widths;
+  for (std::vector<std::string>& column : columns) column.resize(labels.size(), "–");
+  columns.insert(columns.begin(), labels);
+  std::vector<std::string> heads = short_names(scores);
+  heads.insert(heads.begin(), "");
+  std::vector<std::string> lines(1 + labels.size());
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    std::size_t width = characters(names[k]);
-    for (const std::string& one : columns[k]) width = std::max(width, characters(one));
-    widths.push_back(width + kGap);
+    std::size_t width = columns_of(heads[k]);
+    for (const std::string& cell : columns[k]) width = std::max(width, columns_of(cell));
+    lines[0] += fmt::format("{:<{}}", heads[k], width + kGap);
+    for (std::size_t i = 0; i < labels.size(); ++i) {
+      lines[i + 1] += fmt::format("{:<{}}", columns[k][i], width + kGap);
+    }
   }
-  const auto padded = [&](const std::string& text, std::size_t width) {
-    return text + std::string(width - std::min(width, characters(text)), ' ');
-  };
-  std::string text(first, ' ');
-  for (std::size_t k = 0; k < columns.size(); ++k) text += padded(names[k], widths[k]);
-  text += '\n';
-  for (std::size_t line = 0; line < labels.size(); ++line) {
-    text += padded(labels[line], first);
-    for (std::size_t k = 0; k < columns.size(); ++k) text += padded(cell_of(k, line), widths[k]);
-    text += '\n';
-  }
+  std::string text;
+  for (const std::string& line : lines) text += line + '\n';
   return text;
 }
 

@@ -21,6 +21,7 @@
 #include <utility>
 
 #include "common/core/check.h"
+#include "common/core/user/utf8.h"
 #include "deploy/conform/device_stop.h"
 
 namespace palpate {
@@ -86,8 +87,7 @@ class Forwarding {
 };
 
 void send(int pipe, const nlohmann::json& record) {
-  using Handler = nlohmann::json::error_handler_t;
-  const std::string line = record.dump(-1, ' ', false, Handler::replace) + "\n";
+  const std::string line = json_text(record) + "\n";
   for (std::size_t sent = 0; sent < line.size();) {
     const ssize_t size = ::write(pipe, line.data() + sent, line.size() - sent);
     if (size < 0 && errno != EINTR) return;  // nobody listens

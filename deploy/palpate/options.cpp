@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "common/core/user/utf8.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
 #include "common/process/terminal.h"
@@ -101,8 +102,7 @@ JsonOutput::JsonOutput(const OutputOptions& options) {
 
 void JsonOutput::write(const nlohmann::ordered_json& json) {
   if (!file_) return;
-  if (!file_->write(json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n") ||
-      !file_->close()) {
+  if (!file_->write(json_text(json, 2) + "\n") || !file_->close()) {
     throw std::runtime_error(file_->complaint());
   }
 }

@@ -16,16 +16,10 @@
 
 #include "common/core/check.h"
 #include "common/core/user/output_file.h"
+#include "common/core/user/utf8.h"
 
 namespace palpate::bench {
 namespace {
-
-/// Characters a terminal shows: bytes that do not continue a UTF-8 character.
-std::size_t width(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned char>(c) & 0xc0U) != 0x80U;
-  }));
-}
 
 std::string shown(const Table::Cell& cell, const std::string& format) {
   if (const auto* text = std::get_if<std::string>(&cell)) return *text;
@@ -51,7 +45,8 @@ std::string Table::text() const {
   }
   std::vector<std::size_t> widths(columns_.size(), 0);
   for (const auto& line : lines) {
-    for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], width(line[i]));
+    for (std::size_t i = 0; i < line.size(); ++i)
+      widths[i] = std::max(widths[i], columns_of(line[i]));
   }
 
   // text to the left, numbers to the right
@@ -59,7 +54,7 @@ std::string Table::text() const {
   for (const auto& line : lines) {
     std::string built;
     for (std::size_t i = 0; i < line.size(); ++i) {
-      const std::string padding(widths[i] - width(line[i]), ' ');
+      const std::string padding(widths[i] - columns_of(line[i]), ' ');
       const bool is_text = columns_[i].format.empty();
       built += (i > 0 ? "  " : "") + (is_text ? line[i] + padding : padding + line[i]);
     }

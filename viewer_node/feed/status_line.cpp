@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/feed/status_line.h"
 
-#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <optional>
+
+#include "common/core/user/utf8.h"
 
 namespace palpate::viewer {
 namespace {
@@ -33,13 +34,6 @@ std::string absence(const char* node, const NodeLink& link, TimePoint now) {
   if (!link.is_heard()) return std::string(node) + ": not heard yet";
   if (!link.is_gone(now)) return {};
   return std::string(node) + ": not heard for " + duration(now - link.heard_at);
-}
-
-// Characters, not bytes.
-std::size_t columns_of(const std::string& text) {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
-  }));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "common/core/user/utf8.h"
 #include "common/core/version.h"
 #include "common/link/codec/viewer_codec.h"
 #include "common/task/score.h"
@@ -160,7 +161,7 @@ void WebFeed::tell_task(TimePoint now) {
     json["task"] = state_json(task_->state());
     if (task_->has_ended()) json["task"]["score"] = score_json(task_->score());
   }
-  server_.set_task(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  server_.set_task(json_text(json) + "\n");
 }
 
 /// A recording tells where everything is.

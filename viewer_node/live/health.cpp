@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/core/user/utf8.h"
 #include "common/core/version.h"
 #include "common/telemetry/verdict/verdict.h"
 #include "viewer_node/live/channels.h"
@@ -79,7 +80,7 @@ std::string WebHealth::verdicts() const {
   for (std::size_t i = 0; i < figures_.size(); ++i) {
     json["sides"][session_.sides[i].name] = verdict_json(verdict_of(i));
   }
-  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return json_text(json) + "\n";
 }
 
 void WebHealth::tell_verdicts() {

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "common/core/user/utf8.h"
 #include "common/telemetry/summary.h"
 #include "common/telemetry/verdict/verdict.h"
 #include "viewer_node/recording/html/html_page.h"
@@ -113,7 +114,7 @@ std::string data_of(const std::list<Run>& runs) {
                             {"figures", run.report.figures},
                             {"events", std::move(events)}});
   }
-  std::string text = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  std::string text = json_text(json);
   for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;) {
     text.replace(at, 1, "\\u003c");
   }

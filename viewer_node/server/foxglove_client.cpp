@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/core/user/utf8.h"
+
 namespace palpate::viewer {
 namespace {
 
@@ -40,11 +42,6 @@ std::vector<AcceptedTopic> accepted_topics(const ServerDescription& server) {
 constexpr std::size_t kMaxComplaints = 8;  // per message
 constexpr std::size_t kMaxQuotedBytes = 40;
 constexpr char kClientData = 1;  // opcode
-
-std::string written(const Json& json) {
-  // quoted input of a client may not be valid UTF-8
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
 
 std::string in_quotes(std::string_view text) {
   return "\"" + std::string(text.substr(0, kMaxQuotedBytes)) + "\"";
@@ -130,11 +127,11 @@ std::string accepted_words(const std::vector<AcceptedTopic>& topics) {
 std::string status_text(StatusLevel level, std::string_view message, std::string_view id) {
   Json json = {{"op", "status"}, {"level", static_cast<int>(level)}, {"message", message}};
   if (!id.empty()) json["id"] = id;
-  return written(json);
+  return json_text(json);
 }
 
 std::string remove_status_text(std::string_view id) {
-  return written({{"op", "removeStatus"}, {"statusIds", Json::array({id})}});
+  return json_text(Json{{"op", "removeStatus"}, {"statusIds", Json::array({id})}});
 }
 
 DataHeader data_header(std::uint32_t subscription, std::uint64_t log_time_ns) {
@@ -162,7 +159,7 @@ std::string FoxgloveClient::server_info() const {
     }
     info["metadata"]["client_topics"] = topics;
   }
-  return written(info);
+  return json_text(info);
 }
 
 std::string advertisement(const ServerDescription& server) {
@@ -176,7 +173,7 @@ std::string advertisement(const ServerDescription& server) {
                         {"schemaEncoding", "protobuf"},
                         {"schema", base64(channel.schema)}});
   }
-  return written({{"op", "advertise"}, {"channels", std::move(channels)}});
+  return json_text(Json{{"op", "advertise"}, {"channels", std::move(channels)}});
 }
 
 FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {

@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/user/utf8.h"
+
 namespace palpate::viewer {
 namespace {
 
@@ -98,7 +100,7 @@ std::string RecordingShelf::list_json() const {
   for (const Entry& one : entries) {
     json.push_back({{"name", one.name}, {"bytes", one.bytes}, {"modified_s", one.modified_s}});
   }
-  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return json_text(json) + "\n";
 }
 
 }  // namespace palpate::viewer

@@ -86,9 +86,9 @@ std::string detection_html(const DetectionFigures& detection) {
                      detection.runs == 1 ? "search" : "searches");
 }
 
-std::string table_html(const std::vector<NamedScore>& scores) {
+std::string table_html(const std::vector<NamedScore>& scores,
+                       const std::vector<std::string>& names) {
   const std::vector<Column> columns = columns_of(scores);
-  const std::vector<std::string> names = short_names(scores);
   // focusable: a keyboard scrolls it
   std::string html =
       "<h2 id=\"runs\">Runs</h2>\n<div class=\"wide\" tabindex=\"0\" role=\"region\" "
@@ -170,10 +170,10 @@ std::string run_html(const NamedScore& one, const std::string& name, std::size_t
 std::string class_html(const std::vector<NamedScore>& scores) {
   const std::string title =
       fmt::format("Palpate: {} {}", scores.size(), scores.size() == 1 ? "run" : "runs");
-  std::string html = html_head(title, "class=\"pair\"") + "<main>\n<h1>" + title + "</h1>\n" +
-                     detection_html(detection_of(scores)) + table_html(scores) +
-                     "<h2>What was said of each</h2>\n";
   const std::vector<std::string> names = short_names(scores);
+  std::string html = html_head(title, "class=\"pair\"") + "<main>\n<h1>" + title + "</h1>\n" +
+                     detection_html(detection_of(scores)) + table_html(scores, names) +
+                     "<h2>What was said of each</h2>\n";
   for (std::size_t i = 0; i < scores.size(); ++i) html += run_html(scores[i], names[i], i);
   return html + "</main></body></html>\n";
 }

@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// utf8.h — characters of UTF-8.
+// utf8.h — characters of UTF-8, and JSON of text that may be none.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace palpate {
+
+/// False: the byte continues a character.
+[[nodiscard]] inline bool begins_character(char byte) {
+  return (static_cast<unsigned char>(byte) & 0xC0U) != 0x80U;
+}
 
 struct Utf8Character {
   std::size_t length = 0;  ///< bytes; 0: the text does not begin with one
@@ -24,7 +31,7 @@ struct Utf8Character {
   if (first < 0xc2 || first > 0xf4 || text.size() < length) return {};
   std::uint32_t code = first & (0x7fU >> length);
   for (std::size_t i = 1; i < length; ++i) {
-    if ((byte(i) & 0xc0U) != 0x80) return {};
+    if (begins_character(text[i])) return {};
     code = code << 6U | (byte(i) & 0x3fU);
   }
   constexpr std::array<std::uint32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
@@ -41,6 +48,18 @@ struct Utf8Character {
     at += length;
   }
   return std::nullopt;
+}
+
+/// Characters of UTF-8 text.
+[[nodiscard]] inline std::size_t columns_of(std::string_view text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), begins_character));
+}
+
+/// JSON of any text, such as names of files: what is not UTF-8 is replaced.
+/// @param indent  −1: one line
+template <class Json>
+[[nodiscard]] std::string json_text(const Json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace palpate

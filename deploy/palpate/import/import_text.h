@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <string>
 
+#include "common/core/user/utf8.h"
+
 namespace palpate {
 
 [[gnu::format(printf, 1, 2)]] inline std::string text_of(const char* format, ...) {
@@ -25,8 +27,7 @@ inline std::string column(const std::string& name, std::size_t characters) {
   std::string text;
   std::size_t count = 0;
   for (const char c : name) {
-    const bool is_first = (static_cast<unsigned char>(c) & 0xc0U) != 0x80;
-    if (is_first && count++ == characters) return text;
+    if (begins_character(c) && count++ == characters) return text;
     text += c;
   }
   return text.append(characters - count, ' ');

@@ -17,6 +17,7 @@
 
 #include "common/core/check.h"
 #include "common/core/problems.h"
+#include "common/core/user/utf8.h"
 #include "common/telemetry/csv_writer.h"
 
 namespace palpate {
@@ -196,12 +197,11 @@ Line line_of(const StationAnswer& answer) {
 
 /// Of a terminal's line: at most kMostNews characters, cut between words.
 std::string shortened(const std::string& text) {
-  const auto is_begin = [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; };
   std::size_t characters = 0;
   std::size_t end = 0;  // of the last word that leaves room for the ellipsis
   std::size_t cut = 0;  // where there is no such word
   for (std::size_t i = 0; i < text.size(); ++i) {
-    if (!is_begin(text[i])) continue;
+    if (!begins_character(text[i])) continue;
     if (text[i] == ' ' && characters < kMostNews) end = i;
     if (characters + 1 == kMostNews) cut = i;
     ++characters;
@@ -303,7 +303,7 @@ std::string stations_json(const std::vector<Station>& stations,
          {"state", line.state},
          {"cells", {line.time, line.marks, line.coverage, line.force, line.missing, line.news}}});
   }
-  return json{{"stations", rows}}.dump(-1, ' ', false, json::error_handler_t::replace);
+  return json_text(json{{"stations", rows}});
 }
 
 }  // namespace palpate

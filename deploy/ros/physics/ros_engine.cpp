@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <utility>
 
 namespace palpate::ros {
 
@@ -80,6 +79,7 @@ bool RosEngine::take(TimePoint now, std::int64_t now_ns) {
                         .frame = message.header.frame_id,
                         .force_newton = {force.x, force.y, force.z},
                         .is_known_type = is_known_type(arrival.source)};
+    const std::uint64_t source = gate_.source();
     const WrenchRefusal refusal = gate_.judge(wrench, now, now_ns, taken_);
     if (refusal != WrenchRefusal::kNone) {
       ++counts_.refused[static_cast<std::size_t>(refusal)];
@@ -87,8 +87,7 @@ bool RosEngine::take(TimePoint now, std::int64_t now_ns) {
     }
     has_force = true;
     ++counts_.taken;
-    if (arrival.source != std::exchange(source_, arrival.source)) ++counts_.sources;
-    taken_at_ = now;
+    if (arrival.source != source) ++counts_.sources;
     if (taken_.age) counts_.round_trip.add(*taken_.age);
     counts_.transit.add(Duration(std::max<std::int64_t>(now_ns - arrival.sent_ns, 0)));
   });
@@ -115,7 +114,7 @@ void RosEngine::report(TimePoint now, spdlog::logger& log) {
   {
     const std::scoped_lock lock(mutex_);
     counts = counts_;
-    taken_at = taken_at_;
+    taken_at = gate_.taken_at();
   }
   for (std::size_t i = 0; i < kWrenchRefusals; ++i) {
     const std::uint64_t due = throttles_[i].note(now, counts.refused[i] - reported_.refused[i]);

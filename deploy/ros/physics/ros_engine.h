@@ -81,14 +81,12 @@ class RosEngine final : public physics::Engine {
   physics::ForeignEngine estimate_;
   ToolMotion answered_;
   std::int64_t last_stamp_ns_ = 0;
-  std::uint64_t source_ = 0;         // of the last force that was taken
   std::uint64_t judged_source_ = 0;  // whose type was looked at last
   bool is_known_ = false;
   std::exception_ptr error_;
 
-  mutable std::mutex mutex_;  // what the thread of report() reads
+  mutable std::mutex mutex_;  // what the thread of report() reads: these, and what gate_ has taken
   WrenchCounts counts_;
-  std::optional<TimePoint> taken_at_;
 
   WrenchCounts reported_;
   std::array<EventThrottle, kWrenchRefusals> throttles_;

@@ -88,6 +88,8 @@ class WrenchGate {
 
   /// When the last force was taken; none: not yet.
   [[nodiscard]] std::optional<TimePoint> taken_at() const noexcept { return taken_at_; }
+  /// Whose that was; 0: none yet.
+  [[nodiscard]] std::uint64_t source() const noexcept { return source_; }
 
  private:
   static constexpr std::size_t kPoses = 1024;

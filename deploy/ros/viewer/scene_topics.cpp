@@ -14,11 +14,9 @@ constexpr std::int32_t kTriangleList = 11;
 constexpr double kPointSize_m = 0.001;
 constexpr std_msgs_msg_dds__ColorRGBA_ kTissueColor{.r = 0.85F, .g = 0.6F, .b = 0.5F, .a = 0.8F};
 
-constexpr const char* kWorld = "world";
-
 TransformStamped transform_of(std::int64_t at_ns, const std::string& child,
                               const Vector3& position_m, const Quaternion& orientation) {
-  return {.header = header_of(at_ns, kWorld),
+  return {.header = header_of(at_ns, kWorldFrame),
           .child_frame_id = borrowed(child),
           .transform = {.translation = xyz<geometry_msgs_msg_dds__Vector3_>(position_m),
                         .rotation = quaternion_of(orientation)}};
@@ -95,7 +93,7 @@ void SceneTopics::write_markers() {
   for (const TissueSurface& tissue : scene_->tissues) {
     std::vector<Point> points = points_of(tissue.mesh);
     Marker marker{};
-    marker.header = header_of(static_cast<std::int64_t>(wall_clock_ns()), kWorld);
+    marker.header = header_of(static_cast<std::int64_t>(wall_clock_ns()), kWorldFrame);
     marker.ns = borrowed(tissue.name);
     marker.id = id++;
     marker.type = tissue.mesh.triangles.empty() ? kPoints : kTriangleList;

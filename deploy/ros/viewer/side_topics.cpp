@@ -104,7 +104,7 @@ Vector3 SideTopics::velocity_m_per_s(const DeviceTick& tick) {
 }
 
 void SideTopics::write(const DeviceTick& tick, std::int64_t at_ns) {
-  const Header in_world = header_of(at_ns, frames_.world);
+  const Header in_world = header_of(at_ns, kWorldFrame);
   count(pose_out_.write({.header = in_world,
                          .pose = pose_of(tick.measured_tool_position_world_m,
                                          tick.measured_tool_orientation_world)}));

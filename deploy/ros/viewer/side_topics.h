@@ -26,15 +26,16 @@
 
 namespace palpate::ros {
 
+inline constexpr const char* kWorldFrame = "world";
+
 struct RosTopicOptions {
   std::string name_space = "palpate";
   Offer offer = Offer::kSensorData;
   bool has_every_tick = false;
 };
 
-/// Frames of one side; CRTK has none of its own.
+/// Frames of one side besides that; CRTK has none of its own.
 struct RosFrames {
-  std::string world = "world";
   std::string tool;    ///< "tool" or "SIDE_tool"
   std::string device;  ///< "device_base" or "SIDE_device_base"
 };
