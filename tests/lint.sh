@@ -22,6 +22,7 @@ mapfile -t changed < <(git diff --name-only --diff-filter=d "$base" -- '*.cpp' \
 
 # One command per file, without GCC's precompiled headers; generated headers are those of
 # build/release.
+cmake --build --preset release --parallel "$(nproc)" --target palpate_generated
 commands=$(mktemp -d)
 trap 'rm -rf "$commands"' EXIT
 cmake --preset release -B "$commands" -DPALPATE_BUILD_TESTS=ON -DPALPATE_UNITY=OFF \
