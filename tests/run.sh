@@ -71,6 +71,7 @@ fi
 
 configure "${presets[0]}"
 cmake --build --preset "${presets[0]}" --parallel "$(nproc)"
+if $is_all; then cmake --build --preset release --parallel "$(nproc)" --target benches; fi
 
 # The tests of a build. Before ctest's summary: the figures of real time that were not checked.
 #   run_tests PRESET [CTEST ARGUMENTS]
