@@ -53,11 +53,15 @@ void HeldTile::take(const SurfaceTile& tile) noexcept {
   }
   core = bounds;
   point_count = tile.point_count;
+  places_m.fill(OfPoints::Constant(std::numeric_limits<double>::infinity()));
   for (std::size_t i = 0; i < point_count; ++i) {
     const TilePoint& from = tile.points[i];
     Point& to = points[i];
     const auto& [x, y, z] = from.place;
-    to.place_m = tile.origin_m + tile.step_m * Vector3(x, y, z);
+    const Vector3 place = tile.origin_m + tile.step_m * Vector3(x, y, z);
+    for (std::size_t k = 0; k < 3; ++k) {
+      places_m[k][static_cast<Eigen::Index>(i)] = place[static_cast<Eigen::Index>(k)];
+    }
     to.reach_m = tile.step_m * from.reach;
     const auto reach = static_cast<float>(to.reach_m);
     for (std::size_t k = 0; k < 3; ++k) {
@@ -68,14 +72,14 @@ void HeldTile::take(const SurfaceTile& tile) noexcept {
       to.quadric.curvature[k] = static_cast<float>(from.curvature[k]) / kTilePointScale / reach;
     }
     to.stiffness_ratio = static_cast<double>(from.stiffness_ratio);
-    Bounds reached{to.place_m, to.place_m};
+    Bounds reached{place, place};
     reached.grow(Vector3::Constant(to.reach_m));
     if (i == 0) {
       bounds = reached;
-      core = {to.place_m, to.place_m};
+      core = {place, place};
     }
     bounds.include(reached);
-    core.include(to.place_m);
+    core.include(place);
   }
 }
 
@@ -234,17 +238,18 @@ struct TileSurface::PointSearch {
   Vector3 point_m;
   std::uint32_t work = 0;
   double best_squared = std::numeric_limits<double>::max();
-  const HeldTile::Point* best = nullptr;
+  const HeldTile* best_tile = nullptr;
+  std::size_t best = 0;  // of its points
 
   bool offer_all(const HeldTile& tile, std::uint32_t /*slot*/) noexcept {
     if (!(tile.core.squared_distance(point_m) <= best_squared)) return false;
     work += kPointWork * tile.point_count;
-    for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
-      const double squared = (point_m - one.place_m).squaredNorm();
-      if (!(squared < best_squared)) continue;
-      best_squared = squared;
-      best = &one;
-    }
+    const HeldTile::OfPoints squared = tile.squared_distances(point_m);
+    Eigen::Index nearest = 0;
+    if (!(squared.minCoeff(&nearest) < best_squared)) return true;
+    best_squared = squared[nearest];
+    best_tile = &tile;
+    best = static_cast<std::size_t>(nearest);
     return true;
   }
   [[nodiscard]] double limit() const noexcept { return best_squared; }
@@ -469,22 +474,24 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
     search.best_squared = std::min(search.best_squared, most_m * most_m);
     is_complete = visit(all(), point_m, hint, limit, offer);
   }
-  if (!is_complete || search.best == nullptr) {
+  if (!is_complete || search.best_tile == nullptr) {
     ++hint.uncovered_views;
     return {.distance_m = std::numeric_limits<double>::infinity()};
   }
   double farthest_m = std::sqrt(search.best_squared);
-  const auto& [x, y, z] = search.best->quadric.normal;
+  const auto& [x, y, z] = search.best_tile->points[search.best].quadric.normal;
   SurfaceView view = view_of_cloud(
-      point_m, search.best->place_m, Vector3(x, y, z),
+      point_m, search.best_tile->place_m(search.best), Vector3(x, y, z),
       [&](const Vector3& place_m, CloudBlender& blender) {
         farthest_m = std::max(farthest_m, (place_m - point_m).norm());
         const auto add = [&](const HeldTile& tile, std::uint32_t /*slot*/) {
           hint.work += kPointWork * tile.point_count;
-          for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
-            if (!((place_m - one.place_m).squaredNorm() < one.reach_m * one.reach_m)) continue;
+          const HeldTile::OfPoints squared = tile.squared_distances(place_m);
+          for (std::size_t i = 0; i < tile.point_count; ++i) {
+            const HeldTile::Point& one = tile.points[i];
+            if (!(squared[static_cast<Eigen::Index>(i)] < one.reach_m * one.reach_m)) continue;
             hint.work += kBlendWork;
-            blender.add(one.place_m, one.reach_m, one.quadric, one.stiffness_ratio);
+            blender.add(tile.place_m(i), one.reach_m, one.quadric, one.stiffness_ratio);
           }
           return true;
         };

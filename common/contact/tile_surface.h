@@ -32,12 +32,15 @@ struct HeldTile {
   std::array<Vector3, kMaxTileFacets> centers_m;
   std::array<double, kMaxTileFacets> radii_m;  ///< of the spheres around the facets
   struct Point {
-    Vector3 place_m;
     double reach_m;
-    CloudQuadric quadric;
     double stiffness_ratio;
+    CloudQuadric quadric;
   };
   std::uint32_t point_count;
+  using OfPoints = Eigen::Array<double, kMaxTilePoints, 1>;
+  /// Their places [m], apart from the rest and coordinate by coordinate: what a search reads. Those of
+  /// no point are infinitely far away.
+  std::array<OfPoints, 3> places_m;
   std::array<Point, kMaxTilePoints> points;
   Bounds bounds;  ///< of the facets, or of what the points reach
   Bounds core;    ///< of the facets, or of the points
@@ -45,6 +48,15 @@ struct HeldTile {
   HeldTile() noexcept : facet_count(0), point_count(0) {}
   /// Takes a tile that the codec has checked. No allocation, no throw.
   void take(const SurfaceTile& tile) noexcept;
+
+  [[nodiscard]] Vector3 place_m(std::size_t point) const noexcept {
+    const auto i = static_cast<Eigen::Index>(point);
+    return {places_m[0][i], places_m[1][i], places_m[2][i]};
+  }
+  [[nodiscard]] OfPoints squared_distances(const Vector3& from_m) const noexcept {
+    return (from_m.x() - places_m[0]).square() +
+           ((from_m.y() - places_m[1]).square() + (from_m.z() - places_m[2]).square());
+  }
 };
 
 class TileSurface final : public Surface {
