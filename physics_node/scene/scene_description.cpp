@@ -192,8 +192,7 @@ bool describe(const PlacedSurface& placed, DescribedTissue& tissue, TiledGeometr
       radius_m = std::max(radius_m, (held.vertices_m[i] - center_m).norm());
     }
     for (std::size_t i = 0; i < tile.point_count; ++i) {
-      const HeldTile::Point& point = held.points[i];
-      radius_m = std::max(radius_m, (point.place_m - center_m).norm() + point.reach_m);
+      radius_m = std::max(radius_m, (held.place_m(i) - center_m).norm() + held.points[i].reach_m);
     }
     items.push_back({held.bounds, center_m, static_cast<std::uint32_t>(items.size())});
     tissue.bounds.push_back(held.bounds);
