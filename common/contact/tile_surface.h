@@ -38,8 +38,8 @@ struct HeldTile {
   };
   std::uint32_t point_count;
   using OfPoints = Eigen::Array<double, kMaxTilePoints, 1>;
-  /// Their places [m], apart from the rest and coordinate by coordinate: what a search reads. Those of
-  /// no point are infinitely far away.
+  /// Their places [m], apart from the rest and coordinate by coordinate: what a search reads. Those
+  /// of no point are infinitely far away.
   std::array<OfPoints, 3> places_m;
   std::array<Point, kMaxTilePoints> points;
   Bounds bounds;  ///< of the facets, or of what the points reach

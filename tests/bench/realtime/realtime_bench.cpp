@@ -169,14 +169,21 @@ void measure_ordinary(Table& table, Duration time) {
   if (!no_page.empty()) std::printf("Without a page: %s.\n", no_page.c_str());
   const std::vector<std::string> overrides{"viewer.web.port=0"};
   for (const char* const session : {"default", "liver", "two_hands"}) {
-    for (const bool is_fifo : {false, true}) {
-      if (is_fifo && !may_use_fifo(80)) {
+    struct Way {
+      const char* name;
+      std::vector<std::string> arguments;
+    };
+    const Way ways[] = {{"ordinary", {"--no-realtime"}},
+                        {"ordinary, together", {"--no-realtime", "--together", "device,mofc"}},
+                        {"SCHED_FIFO", {}}};
+    for (const Way& way : ways) {
+      if (way.arguments.empty() && !may_use_fifo(80)) {
         std::printf("SCHED_FIFO is not permitted: no rows with it.\n");
         continue;
       }
       const test::RunFolder run_folder;  // apart from other sessions
       std::vector<std::string> arguments{"launch", file_of(session)};
-      if (!is_fifo) arguments.emplace_back("--no-realtime");
+      arguments.insert(arguments.end(), way.arguments.begin(), way.arguments.end());
       Program launch("palpate", with_overrides(arguments, overrides));
       Observer observer(session, overrides, {});
       observer.await_nodes([&] { return launch.err(); });
@@ -184,8 +191,7 @@ void measure_ordinary(Table& table, Duration time) {
       if (port.empty()) throw SetupError("viewer_node serves no page:\n" + launch.err());
       std::optional<OpenPage> page;
       if (no_page.empty()) page.emplace(fmt::format("http://127.0.0.1:{}/", std::stoi(port)));
-      const std::string scheduling =
-          fmt::format("{}{}", is_fifo ? "SCHED_FIFO" : "ordinary", page ? ", page" : "");
+      const std::string scheduling = fmt::format("{}{}", way.name, page ? ", page" : "");
       for (const bool is_busy : {false, true}) {
         std::optional<BusyProcessors> busy;
         if (is_busy) busy.emplace();
