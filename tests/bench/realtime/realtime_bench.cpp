@@ -64,9 +64,10 @@ Table make_table() {
 /// What the running nodes report.
 class Observer {
  public:
-  Observer(const std::string& session, const std::vector<std::string>& overrides, TcpRules tcp)
+  Observer(const std::string& session, const std::vector<std::string>& overrides,
+           const TcpRules& tcp)
       : session_(load_session(file_of(session), overrides)),
-        links_({.priority = 0, .cpu = -1}, std::move(tcp)),
+        links_({.priority = 0, .cpu = -1}, tcp),
         watcher_(session_, links_) {}
 
   void await_nodes(const std::function<std::string()>& said) {
