@@ -4,8 +4,9 @@
 add_library(palpate_warnings INTERFACE)
 if(PROJECT_IS_TOP_LEVEL)
   target_compile_options(palpate_warnings INTERFACE
-    -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wold-style-cast
-    -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-qual -Wformat=2 -Wimplicit-fallthrough)
+    -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow
+    $<$<COMPILE_LANGUAGE:CXX>:-Wold-style-cast> $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor>
+    $<$<COMPILE_LANGUAGE:CXX>:-Woverloaded-virtual> -Wcast-qual -Wformat=2 -Wimplicit-fallthrough)
 else()
   # none of these sources, nor of their headers, in the build of another project
   target_compile_options(palpate_warnings INTERFACE -w)

@@ -9,6 +9,7 @@ include(CMakePackageConfigHelpers)
 install(TARGETS palpate palpate_tools device_node mofc_node device_mofc_node physics_node viewer_node)
 if(PALPATE_ROS)
   install(TARGETS palpate_ros)
+  install(TARGETS palpate_ros_device LIBRARY DESTINATION lib/palpate)
 endif()
 install(TARGETS palpate_rivals LIBRARY DESTINATION lib/palpate)
 install(DIRECTORY deploy/campaigns deploy/sessions deploy/studies proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate

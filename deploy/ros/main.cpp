@@ -3,10 +3,14 @@
 //
 //   palpate_ros --session FILE     a running session, or a replay, as topics: a viewer
 //   palpate_ros physics            a publisher of forces as the physics of a session
+//   palpate_ros device --session FILE   an arm behind topics as the device of a session
 #include <CLI/CLI.hpp>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/core/check.h"
+#include "deploy/ros/device/process.h"
 #include "deploy/ros/physics/process.h"
 #include "deploy/ros/viewer/process.h"
 #include "physics_node/engine_process/launched_session.h"
@@ -149,12 +153,57 @@ int run_physics(int argc, char** argv) {
       });
 }
 
+int run_device(int argc, char** argv) {
+  CommonOptions common;
+  RosDeviceOptions options;
+  std::string axes = "x y z";
+  std::vector<double> center_m{0.0, 0.0, 0.0};
+  return run_node(
+      argc, argv,
+      {.name = "ros_device",
+       .program = "palpate ros device",
+       .description =
+           "An arm behind topics of ROS 2 as the device of a session, by DDS: measured_cp, "
+           "operating_state and buttons come in, servo_cf, the force on the hand, goes out. For "
+           "device { plugin { library: \"palpate_ros_device.so\" } }.",
+       .is_of_one_side = true,
+       .add_options =
+           [&](CLI::App& app) {
+             common.add_to(app);
+             app.add_option("--axes", axes,
+                            "what x (right), y (away from the person) and z (up) are in the frame "
+                            "of the poses, such as \"-y x z\" (default: x y z)")
+                 ->type_name("AXES");
+             app.add_option("--center", center_m,
+                            "middle of the workspace in the frame of the poses, in m (default: 0 0 "
+                            "0)")
+                 ->type_name("X Y Z")
+                 ->expected(3)
+                 ->check(CLI::Range(-10.0, 10.0));
+             app.add_option("--base-frame", options.base_frame,
+                            "frame_id of the poses (default: that of the first one)")
+                 ->type_name("NAME");
+           }},
+      [&](NodeContext& context) {
+        common.check();
+        options.network = common.network;
+        options.name_space = common.name_space;
+        options.offer = common.offer();
+        options.axes = {.device_from_base = DeviceAxes::rotation_of(axes),
+                        .center_m = Vector3(center_m[0], center_m[1], center_m[2])};
+        run_ros_device(context, options);
+      });
+}
+
 }  // namespace
 }  // namespace palpate::ros
 
 int main(int argc, char** argv) {
   if (argc > 1 && std::string_view(argv[1]) == "physics") {
     return palpate::ros::run_physics(argc - 1, argv + 1);
+  }
+  if (argc > 1 && std::string_view(argv[1]) == "device") {
+    return palpate::ros::run_device(argc - 1, argv + 1);
   }
   return palpate::ros::run_viewer(argc, argv);
 }

@@ -26,7 +26,10 @@ struct RosCommand {
         "  palpate ros --session FILE         a running session or a replay as topics\n"
         "  palpate ros physics …              a publisher of forces as physics: physics {\n"
         "                                     command: [\"palpate_ros\", \"physics\"] }\n"
-        "  palpate ros --help, palpate ros physics --help   their options");
+        "  palpate ros device --session FILE  an arm as device: device { plugin {\n"
+        "                                     library: \"palpate_ros_device.so\" … } }\n"
+        "  palpate ros --help, palpate ros physics --help, palpate ros device --help   their "
+        "options");
   }
 
   [[nodiscard]] int run() const {

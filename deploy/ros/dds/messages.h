@@ -22,6 +22,7 @@ using WrenchStamped = geometry_msgs_msg_dds__WrenchStamped_;
 using TransformStamped = geometry_msgs_msg_dds__TransformStamped_;
 using TFMessage = tf2_msgs_msg_dds__TFMessage_;
 using JointState = sensor_msgs_msg_dds__JointState_;
+using Joy = sensor_msgs_msg_dds__Joy_;
 using Marker = visualization_msgs_msg_dds__Marker_;
 using OperatingState = crtk_msgs_msg_dds__OperatingState_;
 
@@ -55,6 +56,10 @@ struct TypeOf<TFMessage> {
 template <>
 struct TypeOf<JointState> {
   static constexpr TopicType kType{&sensor_msgs_msg_dds__JointState__desc, kJointStateHash};
+};
+template <>
+struct TypeOf<Joy> {
+  static constexpr TopicType kType{&sensor_msgs_msg_dds__Joy__desc, kJoyHash};
 };
 template <>
 struct TypeOf<Marker> {

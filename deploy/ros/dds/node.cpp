@@ -181,6 +181,20 @@ Entity Node::make_reader(const std::string& topic, const TopicType& type, int de
   return reader;
 }
 
+Entity Node::arrivals_of(dds_entity_t reader) {
+  Entity arrivals(dds_create_waitset(participant_.get()), "waiting for messages");
+  // deleted with the reader
+  const dds_entity_t condition = dds_create_readcondition(reader, DDS_ANY_STATE);
+  if (dds_waitset_attach(arrivals.get(), condition, 0) < 0) {
+    throw SetupError("waiting for messages: DDS does not");
+  }
+  return arrivals;
+}
+
+bool Node::wait(const Entity& arrivals, Duration longest) {
+  return dds_waitset_wait(arrivals.get(), nullptr, 0, longest.count()) > 0;
+}
+
 void Node::note_strangers(const std::function<void(const std::string& line)>& say) {
   note(publications_.get(), true, say);
   note(subscriptions_.get(), false, say);

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/time.h"
 #include "deploy/ros/dds/messages.h"
 
 namespace palpate::ros {
@@ -109,6 +110,11 @@ class Reader {
     if (count > 0) dds_return_loan(reader_.get(), samples.data(), count);
   }
   [[nodiscard]] dds_entity_t get() const { return reader_.get(); }
+  [[nodiscard]] bool has_writer() const {
+    dds_subscription_matched_status_t status{};
+    dds_get_subscription_matched_status(reader_.get(), &status);
+    return status.current_count > 0;
+  }
 
  private:
   Entity reader_;
@@ -131,6 +137,11 @@ class Node {
   [[nodiscard]] Reader<T> reader(const std::string& topic) {
     return Reader<T>(make_reader(topic, TypeOf<T>::kType, static_cast<int>(Reader<T>::kDepth)));
   }
+
+  /// For wait(): messages of this reader.
+  [[nodiscard]] Entity arrivals_of(dds_entity_t reader);
+  /// @return whether one is there; false: not within `longest`
+  [[nodiscard]] static bool wait(const Entity& arrivals, Duration longest);
 
   /// Calls `say` for each stranger on these topics that is not understood or does not hear: another
   /// type, another definition of the type, a quality that is not offered. Each line once. At most

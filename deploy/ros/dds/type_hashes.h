@@ -15,6 +15,8 @@ inline constexpr const char* kWrenchStampedHash =
     "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77";
 inline constexpr const char* kJointStateHash =
     "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e";
+inline constexpr const char* kJoyHash =
+    "RIHS01_0d356c79cad3401e35ffeb75a96a96e08be3ef896b8b83841d73e890989372c5";
 inline constexpr const char* kFloat64Hash =
     "RIHS01_705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a";
 inline constexpr const char* kTFMessageHash =

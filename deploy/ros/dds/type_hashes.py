@@ -18,8 +18,8 @@ NUMBERS = {"octet": 3, "long": 6, "unsigned long": 7, "float": 10, "double": 11,
 UNBOUNDED_SEQUENCE = 144  # is added
 # Those that are sent or received as a whole.
 TOPICS = ("crtk_msgs/msg/OperatingState", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TwistStamped",
-          "geometry_msgs/msg/WrenchStamped", "sensor_msgs/msg/JointState", "std_msgs/msg/Float64",
-          "tf2_msgs/msg/TFMessage", "visualization_msgs/msg/Marker")
+          "geometry_msgs/msg/WrenchStamped", "sensor_msgs/msg/JointState", "sensor_msgs/msg/Joy",
+          "std_msgs/msg/Float64", "tf2_msgs/msg/TFMessage", "visualization_msgs/msg/Marker")
 
 
 def types_of(idl):

@@ -6,10 +6,16 @@
 //                                                   400 N/m below z = 0, or a fault
 //   fast_dds_peer DOMAIN NAMESPACE listen [reliable]  prints the poses and forces that it hears
 //   fast_dds_peer DOMAIN NAMESPACE read             prints the newest message of every other topic
+//   fast_dds_peer DOMAIN NAMESPACE arm [FAULT]      measured_cp, operating_state and buttons out,
+//   servo_cf
+//                                                   in: an arm and the hand that moves it
 //
 // A fault begins 1.5 mm deep after SIGUSR1: stop, repeat, nan, huge (1000 N), late (20 ms),
 // reorder, flood; or at once: own_clock, wrong_hash, milli (in mN), other_frame, wrong_type. Ends
 // with SIGTERM and prints what was sent and received.
+//
+// The arm's x points away from the person, its y to the left; the middle of its workspace is at
+// z = 0.1. A fault begins after SIGUSR1: stop, repeat, nan, unhomed, let_go (of the button).
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <algorithm>
 #include <array>
@@ -52,6 +58,10 @@ constexpr const char* kPoseHash =
     "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8";
 constexpr const char* kWrenchHash =
     "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77";
+constexpr const char* kStateHash =
+    "RIHS01_5cc57eea589b217fe5194bf2735b91d4a7f2dd5ac1245ae657f7ea7590c2c80e";
+constexpr const char* kJoyHash =
+    "RIHS01_0d356c79cad3401e35ffeb75a96a96e08be3ef896b8b83841d73e890989372c5";
 constexpr const char* kWrongHash =
     "RIHS01_0000000000000000000000000000000000000000000000000000000000000000";
 
@@ -101,14 +111,21 @@ class Peer {
   Peer(const Peer&) = delete;
   Peer& operator=(const Peer&) = delete;
 
+  dds::DataWriter* writer_of_poses() { return writer("measured_cp", pose_type_, kPoseHash); }
   dds::DataWriter* writer_of_wrenches(const char* hash, bool is_pose = false) {
+    return writer("measured_cf", is_pose ? pose_type_ : wrench_type_, hash);
+  }
+  dds::DataWriter* writer_of_news(const char* name, const char* type, NewsType::Write write,
+                                  const char* hash) {
+    return writer(name, dds::TypeSupport(new NewsType(type, write)), hash);
+  }
+  dds::DataWriter* writer(const char* name, const dds::TypeSupport& type, const char* hash) {
     dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
     qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
     qos.durability().kind = dds::VOLATILE_DURABILITY_QOS;
     qos.history().depth = 5;
     set_hash(qos.user_data(), hash);
-    return publisher_->create_datawriter(topic("measured_cf", is_pose ? pose_type_ : wrench_type_),
-                                         qos);
+    return publisher_->create_datawriter(topic(name, type), qos);
   }
   dds::DataReader* reader(const char* name, bool is_pose, bool is_reliable,
                           dds::DataReaderListener* listener) {
@@ -295,6 +312,132 @@ void listen(Peer& peer, bool is_reliable) {
   for (dds::DataReader* reader : readers) reader->set_listener(nullptr);
 }
 
+/// An arm of 45 g with friction, and a hand that holds it by a spring and presses it down every
+/// second. What the hand has put in is counted here, from its own force and motion.
+class Arm final : public dds::DataReaderListener {
+ public:
+  Arm(Peer& peer, std::string fault)
+      : fault_(std::move(fault)),
+        poses_(peer.writer_of_poses()),
+        states_(peer.writer_of_news("operating_state", "crtk_msgs::msg::dds_::OperatingState_",
+                                    &write_state, kStateHash)),
+        buttons_(
+            peer.writer_of_news("buttons", "sensor_msgs::msg::dds_::Joy_", &write_joy, kJoyHash)),
+        reader_(peer.reader("servo_cf", false, false, this)) {}
+  ~Arm() override { reader_->set_listener(nullptr); }
+  Arm(const Arm&) = delete;
+  Arm& operator=(const Arm&) = delete;
+
+  /// Without a next one a force goes on.
+  void on_data_available(dds::DataReader* reader) override {
+    Wrench wrench;
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&wrench, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      const std::scoped_lock lock(mutex_);
+      ++forces_;
+      std::copy_n(wrench.numbers.begin(), 3, force_newton_.begin());
+      frame_ = wrench.frame;
+    }
+  }
+  void run() {
+    const Clock::time_point began = Clock::now();
+    Clock::time_point moved_until = began;
+    std::uint64_t tick = 0;
+    Clock::time_point fault_at{};
+    double zero_after_ms = -1.0;
+    Pose pose;
+    ArmNews news{.buttons = {1}};
+    while (!has_ended) {
+      std::this_thread::sleep_until(began + ++tick * 1ms);
+      const Clock::time_point now = Clock::now();
+      const bool is_wrong = has_fault && (fault_at != Clock::time_point{} || place_m_[2] < 0.097);
+      if (is_wrong && fault_at == Clock::time_point{}) fault_at = now;
+      std::array<double, 3> force;
+      {
+        const std::scoped_lock lock(mutex_);
+        force = force_newton_;
+      }
+      move(std::chrono::duration<double>(now - began).count(),
+           std::chrono::duration<double>(now - moved_until).count(), force);
+      moved_until = now;
+      const double norm = std::hypot(force[0], force[1], force[2]);
+      largest_newton_ = std::max(largest_newton_, norm);
+      if (is_wrong && zero_after_ms < 0.0 && norm == 0.0) {
+        zero_after_ms = std::chrono::duration<double, std::milli>(now - fault_at).count();
+      }
+      if (is_wrong && fault_ == "unhomed") news.is_homed = false;
+      if (is_wrong && fault_ == "let_go") news.buttons = {0};
+      if (tick % 20 == 0) {
+        states_->write(&news);
+        buttons_->write(&news);
+      }
+      if (is_wrong && fault_ == "stop") continue;
+      if (!(is_wrong && fault_ == "repeat")) {
+        const auto wall = std::chrono::duration_cast<std::chrono::nanoseconds>(
+                              std::chrono::system_clock::now().time_since_epoch())
+                              .count();
+        pose.sec = static_cast<std::int32_t>(wall / 1'000'000'000);
+        pose.nanosec = static_cast<std::uint32_t>(wall % 1'000'000'000);
+        pose.frame = "base";
+        pose.numbers = {place_m_[0], place_m_[1], place_m_[2], 0.0, 0.0, 0.0, 1.0};
+        if (is_wrong && fault_ == "nan") {
+          pose.numbers[2] = std::numeric_limits<double>::quiet_NaN();
+        }
+      }
+      poses_->write(&pose);
+    }
+    std::printf(
+        "ticks=%llu forces=%llu frame=%s largest_newton=%.3f least_joule=%.9f last_newton=%.3f "
+        "zero_after_ms=%.1f\n",
+        static_cast<unsigned long long>(tick), static_cast<unsigned long long>(forces_),
+        frame_.c_str(), largest_newton_, least_joule_,
+        std::hypot(force_newton_[0], force_newton_[1], force_newton_[2]), zero_after_ms);
+  }
+
+ private:
+  /// In steps of at most 50 µs; the force is that on the hand, in the arm's frame.
+  void move(double time_s, double duration_s, const std::array<double, 3>& force) {
+    constexpr double kMass_kg = 0.045;
+    constexpr double kViscous = 0.1;
+    constexpr double kCoulomb_newton = 0.1;
+    constexpr double kSpring_newton_per_m = 300.0;
+    constexpr double kDamper = 4.0;
+    const int steps = 1 + static_cast<int>(duration_s / 50e-6);
+    const double dt = duration_s / steps;
+    for (int i = 0; i < steps; ++i) {
+      const double t = time_s - duration_s + dt * i;
+      const double speed = std::hypot(velocity_[0], velocity_[1], velocity_[2]);
+      const std::array<double, 3> aim{0.0, 0.0, 0.1 + 0.01 * std::cos(2.0 * M_PI * t)};
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double hand = kSpring_newton_per_m * (aim[k] - place_m_[k]) - kDamper * velocity_[k];
+        const double friction = (kViscous + kCoulomb_newton / std::max(speed, 1e-3)) * velocity_[k];
+        const double before = velocity_[k];
+        velocity_[k] += dt / kMass_kg * (hand + force[k] - friction);
+        const double step_m = 0.5 * dt * (before + velocity_[k]);
+        place_m_[k] += step_m;
+        put_in_joule_ += hand * step_m;
+      }
+      least_joule_ = std::min(least_joule_, put_in_joule_);
+    }
+  }
+
+  const std::string fault_;
+  dds::DataWriter* poses_;
+  dds::DataWriter* states_;
+  dds::DataWriter* buttons_;
+  std::mutex mutex_;
+  std::array<double, 3> force_newton_{};
+  std::string frame_;
+  std::uint64_t forces_ = 0;
+  std::array<double, 3> place_m_{0.0, 0.0, 0.11};
+  std::array<double, 3> velocity_{};
+  double put_in_joule_ = 0.0;
+  double least_joule_ = 0.0;
+  double largest_newton_ = 0.0;
+  dds::DataReader* reader_;
+};
+
 /// Prints each message of a topic that is not like the one before, at most ten a second.
 class Reading final : public dds::DataReaderListener {
  public:
@@ -363,6 +506,8 @@ int run(int argc, char** argv) {
   std::fprintf(stderr, "ready\n");
   if (mode == "source") {
     Source(peer, more).run();
+  } else if (mode == "arm") {
+    Arm(peer, more).run();
   } else if (mode == "read") {
     read_all(peer);
   } else {

@@ -76,6 +76,55 @@ class StampedType final : public dds::TopicDataType {
   }
 };
 
+/// What an arm tells beside its pose.
+struct ArmNews {
+  std::string state = "ENABLED";
+  bool is_homed = true;
+  std::vector<std::int32_t> buttons;
+};
+inline void write_state(Cdr& cdr, const ArmNews& news) {
+  cdr << std::int32_t{0} << std::uint32_t{0} << std::string("base") << news.state << news.is_homed
+      << false;
+}
+inline void write_joy(Cdr& cdr, const ArmNews& news) {
+  cdr << std::int32_t{0} << std::uint32_t{0} << std::string("base") << std::vector<float>{}
+      << news.buttons;
+}
+
+/// Is only sent.
+class NewsType final : public dds::TopicDataType {
+ public:
+  using Write = void (*)(Cdr& cdr, const ArmNews& news);
+  NewsType(const char* name, Write write) : write_(write) {
+    setName(name);
+    m_typeSize = 256;
+    m_isGetKeyDefined = false;
+  }
+  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
+    FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->max_size);
+    Cdr cdr(buffer, Cdr::LITTLE_ENDIANNESS, Cdr::DDS_CDR);
+    payload->encapsulation = CDR_LE;
+    cdr.serialize_encapsulation();
+    write_(cdr, *static_cast<ArmNews*>(data));
+    payload->length = static_cast<std::uint32_t>(cdr.getSerializedDataLength());
+    return true;
+  }
+  bool deserialize(rtps::SerializedPayload_t* /*payload*/, void* /*data*/) override {
+    return false;
+  }
+  std::function<std::uint32_t()> getSerializedSizeProvider(void* /*data*/) override {
+    return [] { return 256U; };
+  }
+  void* createData() override { return new ArmNews; }
+  void deleteData(void* data) override { delete static_cast<ArmNews*>(data); }
+  bool getKey(void* /*data*/, rtps::InstanceHandle_t* /*handle*/, bool /*force_md5*/) override {
+    return false;
+  }
+
+ private:
+  Write write_;
+};
+
 /// The rest of a message in words.
 using Read = std::string (*)(Cdr& cdr);
 

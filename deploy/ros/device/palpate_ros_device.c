@@ -1,0 +1,236 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The plug-in of a device behind topics of ROS 2: it exchanges packets with `palpate ros device`,
+ * which speaks DDS. Nothing of DDS is in device_node.
+ *
+ *   device { plugin { library: "palpate_ros_device.so" options: "socket=/run/user/1000/arm
+ *     peak_newton=3 continuous_newton=1 half_extent_m=0.1 resolution_m=1e-4 buttons=1" } }
+ *
+ * All but buttons (0) and patience_ms (5) are needed: topics do not tell them. A pose older than
+ * patience_ms is a fault, so device.latency_us is to cover that and the way of the force. Nobody
+ * tells that motors obey, and they go on when messages stop: a device without a motor watchdog. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "deploy/ros/device/device_wire.h"
+#include "device_node/drivers/plugin/vendors/vendor_library.h"
+
+struct palpate_device {
+  const palpate_device_host* host;
+  palpate_device_specification specification;
+  struct sockaddr_un address;
+  int64_t patience_ns;
+  int socket; /* < 0: closed */
+  ros_device_pose pose;
+  int has_pose;
+  uint32_t forces;        /* sent so far */
+  uint32_t released_by;   /* number of the newest, if it is none; else 0 */
+  double force_newton[3]; /* the newest */
+  int64_t lease_end_ns;   /* of the host */
+};
+
+static int64_t monotonic_ns(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void hang_up(palpate_device* d) {
+  if (d->socket >= 0) close(d->socket);
+  d->socket = -1;
+  d->has_pose = 0;
+}
+
+/* Only a bridge of the same user is believed. 0 with the reason in errno. */
+static int dial(palpate_device* d) {
+  hang_up(d);
+  d->socket = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  if (d->socket < 0) return 0;
+  struct ucred peer;
+  socklen_t size = sizeof(peer);
+  errno = 0;
+  if (connect(d->socket, (const struct sockaddr*)&d->address, sizeof(d->address)) == 0 &&
+      getsockopt(d->socket, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0) {
+    if (peer.uid == geteuid() || peer.uid == 0) {
+      d->forces = d->released_by = 0;
+      return 1;
+    }
+    errno = EPERM;
+  }
+  const int why = errno;
+  hang_up(d);
+  errno = why;
+  return 0;
+}
+
+/* Takes what has come. 0: the bridge is gone, or speaks otherwise. */
+static int take_poses(palpate_device* d) {
+  while (d->socket >= 0) {
+    ros_device_pose next;
+    const ssize_t got = recv(d->socket, &next, sizeof(next), MSG_DONTWAIT);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return 1;
+    if (got != (ssize_t)sizeof(next) || next.wire != ROS_DEVICE_WIRE) {
+      hang_up(d);
+      break;
+    }
+    d->pose = next;
+    d->has_pose = 1;
+  }
+  return 0;
+}
+
+/* A bridge that does not read has stopped: it ends the force as the lease runs out, or with it. */
+static int send_force(palpate_device* d, const double force_newton[3], int64_t lease_ns) {
+  if (d->socket < 0) return PALPATE_DEVICE_UNPLUGGED;
+  ros_device_force out = {.wire = ROS_DEVICE_WIRE, .number = d->forces + 1};
+  out.lease_ns = lease_ns > 0 ? lease_ns : 0;
+  limit_force(force_newton, lease_ns > 0, d->specification.peak_force_newton, out.force_newton);
+  if (send(d->socket, &out, sizeof(out), MSG_DONTWAIT | MSG_NOSIGNAL) != (ssize_t)sizeof(out)) {
+    return errno == EAGAIN || errno == EWOULDBLOCK ? PALPATE_DEVICE_TIMEOUT
+                                                   : PALPATE_DEVICE_UNPLUGGED;
+  }
+  d->forces = out.number;
+  d->released_by = lease_ns > 0 ? 0 : out.number;
+  memcpy(d->force_newton, out.force_newton, sizeof(d->force_newton));
+  d->lease_end_ns = d->host->clock_ns(d->host->context) + out.lease_ns;
+  return PALPATE_DEVICE_OK;
+}
+
+static void release_device(palpate_device* d) {
+  static const double kNone[3] = {0.0, 0.0, 0.0};
+  if (d->released_by == 0) (void)send_force(d, kNone, 0);
+}
+
+static int fill(palpate_device* d, int must_be_ready, palpate_device_reading* out) {
+  int error = PALPATE_DEVICE_OK;
+  if (!take_poses(d)) {
+    error = PALPATE_DEVICE_UNPLUGGED;
+  } else if (!d->has_pose || monotonic_ns() - d->pose.received_ns > d->patience_ns) {
+    error = PALPATE_DEVICE_TIMEOUT;
+  } else if (must_be_ready && !d->pose.is_ready) {
+    error = PALPATE_DEVICE_NOT_READY;
+  }
+  if (error != PALPATE_DEVICE_OK) {
+    release_device(d);
+    return error;
+  }
+  memcpy(out->position_m, d->pose.position_m, sizeof(out->position_m));
+  memcpy(out->orientation_wxyz, d->pose.orientation_wxyz, sizeof(out->orientation_wxyz));
+  out->buttons = d->pose.buttons;
+  out->sampled_at_ns = d->host->clock_ns(d->host->context);
+  memcpy(out->applied_force_newton, d->force_newton, sizeof(d->force_newton));
+  return PALPATE_DEVICE_OK;
+}
+
+static int read_device(palpate_device* d, palpate_device_reading* out) {
+  if (d->host->clock_ns(d->host->context) >= d->lease_end_ns) release_device(d);
+  return fill(d, 1, out);
+}
+
+static int apply_force(palpate_device* d, const double force_newton[3], int64_t lease_ns,
+                       palpate_device_reading* at_switch) {
+  if (lease_ns > 0) {
+    const int error = send_force(d, force_newton, lease_ns);
+    return error != PALPATE_DEVICE_OK ? error : fill(d, 1, at_switch);
+  }
+  /* that there is no force counts as confirmed once a pose has come after it was published */
+  release_device(d);
+  static const int64_t kLongestWaitNs = 20000000;
+  const int64_t until_ns =
+      monotonic_ns() + (d->patience_ns < kLongestWaitNs ? d->patience_ns : kLongestWaitNs);
+  while (take_poses(d) && (d->released_by == 0 || d->pose.force < d->released_by)) {
+    struct pollfd news = {.fd = d->socket, .events = POLLIN};
+    const int64_t left_ns = until_ns - monotonic_ns();
+    if (d->released_by == 0 || left_ns <= 0) return PALPATE_DEVICE_TIMEOUT;
+    const struct timespec wait = {.tv_sec = left_ns / 1000000000, .tv_nsec = left_ns % 1000000000};
+    (void)ppoll(&news, 1, &wait, NULL);
+  }
+  return fill(d, 0, at_switch);
+}
+
+static int reopen_device(palpate_device* d) { return d->socket >= 0 || dial(d); }
+
+static void close_device(palpate_device* d) {
+  release_device(d);
+  hang_up(d); /* the bridge publishes no force then */
+  free(d);
+}
+
+static palpate_device* open_device(const char* options, const palpate_device_host* host,
+                                   char* error, size_t error_size) {
+  palpate_device* d = calloc(1, sizeof(*d));
+  if (d == NULL) return NULL;
+  d->host = host;
+  d->socket = -1;
+  d->released_by = 1; /* nothing to end */
+  palpate_device_specification* s = &d->specification;
+  snprintf(s->model_name, sizeof(s->model_name), "device behind ROS");
+  s->peak_force_newton = option_number(options, "peak_newton");
+  s->continuous_force_newton = option_number(options, "continuous_newton");
+  s->position_resolution_m = option_number(options, "resolution_m");
+  for (int i = 0; i < 3; ++i)
+    s->workspace_half_extent_m[i] = option_number(options, "half_extent_m");
+  s->button_count = (uint32_t)option_number(options, "buttons");
+  const double patience_ms = option_number(options, "patience_ms");
+  d->patience_ns = (int64_t)(1e6 * (patience_ms > 0.0 ? patience_ms : 5.0));
+  d->address.sun_family = AF_UNIX;
+  if (!option_text(options, "socket", d->address.sun_path, sizeof(d->address.sun_path)) ||
+      s->peak_force_newton == 0.0 || s->continuous_force_newton == 0.0 ||
+      s->position_resolution_m == 0.0 || s->workspace_half_extent_m[0] == 0.0) {
+    snprintf(error, error_size,
+             "give socket, peak_newton, continuous_newton, half_extent_m and resolution_m in the "
+             "options: a path of at most 107 characters and, from the arm's manual, its limits");
+    free(d);
+    return NULL;
+  }
+  /* waits for the bridge, and for the first pose */
+  const int64_t end_ns = host->clock_ns(host->context) + (int64_t)(1e9 * host->start_limit_s);
+  int is_said = 0;
+  for (;;) {
+    if ((d->socket >= 0 || dial(d)) && take_poses(d) && d->has_pose) return d;
+    const int why = d->socket >= 0 ? 0 : errno;
+    if (host->is_stopped(host->context) || host->clock_ns(host->context) > end_ns) {
+      if (why == 0) {
+        snprintf(error, error_size, "`palpate ros device` at %s hears no pose",
+                 d->address.sun_path);
+      } else {
+        snprintf(error, error_size, "%s: %s; start `palpate ros device` with this session",
+                 d->address.sun_path, strerror(why));
+      }
+      close_device(d);
+      return NULL;
+    }
+    if (!is_said) {
+      host->prompt(host->context, why == 0 ? "waiting for the first pose of the arm"
+                                           : "start `palpate ros device` with this session");
+    }
+    is_said = 1;
+    const struct timespec pause = {.tv_sec = 0, .tv_nsec = 20000000};
+    nanosleep(&pause, NULL);
+  }
+}
+
+static void specify(const palpate_device* d, palpate_device_specification* out) {
+  const uint32_t size = out->size;
+  *out = d->specification;
+  out->size = size;
+}
+
+const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
+  static const palpate_device_driver kDriver = {sizeof(palpate_device_driver),
+                                                PALPATE_DEVICE_ABI,
+                                                open_device,
+                                                close_device,
+                                                specify,
+                                                read_device,
+                                                apply_force,
+                                                release_device,
+                                                NULL,
+                                                reopen_device};
+  return abi == PALPATE_DEVICE_ABI ? &kDriver : NULL;
+}

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "deploy/ros/device/process.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <variant>
+
+#include "common/core/check.h"
+#include "common/core/time.h"
+#include "common/telemetry/event_throttle.h"
+#include "deploy/ros/device/device_server.h"
+
+namespace palpate::ros {
+namespace {
+
+constexpr Duration kReportInterval = std::chrono::milliseconds(200);
+/// Poses and forces are waited for; what ends by time is looked at so often.
+constexpr Duration kWait = std::chrono::milliseconds(5);
+
+/// Topics on one side, the plug-in on the other. Forces are passed on by the thread of run(), poses
+/// by one of its own.
+class Bridge {
+ public:
+  Bridge(NodeContext& context, const RosDeviceOptions& options, const std::string& socket)
+      : context_(context),
+        node_(options.network),
+        server_(socket),
+        topics_(options.name_space),
+        poses_(node_.reader<PoseStamped>(topics_ + "/measured_cp")),
+        states_(node_.reader<OperatingState>(topics_ + "/operating_state")),
+        buttons_(node_.reader<Joy>(topics_ + "/buttons")),
+        forces_(node_.writer<WrenchStamped>(topics_ + "/servo_cf", options.offer)),
+        arrivals_(node_.arrivals_of(poses_.get())),
+        gate_(options.axes, options.base_frame) {
+    context_.log.info(
+        "event=ros_device socket={} domain={} interface={} in={}/measured_cp out={}/servo_cf",
+        socket, options.network.domain, options.network.interface, topics_, topics_);
+  }
+
+  void run() {
+    std::exception_ptr error;
+    std::jthread poses([&](const std::stop_token& stop) {
+      try {
+        while (!stop.stop_requested()) {
+          if (node_.wait(arrivals_, kWait)) pass_poses();
+        }
+      } catch (...) {
+        error = std::current_exception();
+        has_failed_ = true;
+      }
+    });
+    TimePoint next_report{};
+    while (!context_.stop.stop_requested() && !has_failed_) {
+      if (const auto force = server_.receive(wait())) take(*force);
+      const TimePoint now = context_.clock.now();
+      {
+        const std::scoped_lock lock(mutex_);
+        const bool has_peer = server_.has_peer();
+        if (!has_peer) number_ = 0;  // the next one counts anew
+        if (!has_peer || now >= lease_end_) end_force();
+      }
+      if (now < next_report) continue;
+      next_report = now + kReportInterval;
+      report(now);
+    }
+    poses.request_stop();
+    poses.join();
+    const std::scoped_lock lock(mutex_);
+    force_newton_.setZero();
+    publish();
+    if (error) std::rethrow_exception(error);
+    context_.log.info("event=ros_device_end poses={} refused={} forces={}", counts_.poses,
+                      counts_.all_refused(), counts_.forces);
+  }
+
+ private:
+  struct Counts {
+    std::uint64_t poses = 0;
+    std::uint64_t forces = 0;
+    std::array<std::uint64_t, kPoseRefusals> refused{};
+
+    [[nodiscard]] std::uint64_t all_refused() const {
+      std::uint64_t sum = 0;
+      for (const std::uint64_t count : refused) sum += count;
+      return sum;
+    }
+  };
+
+  /// Until the lease ends.
+  [[nodiscard]] Duration wait() {
+    const std::scoped_lock lock(mutex_);
+    return force_newton_.isZero(0.0) ? kWait : std::min(kWait, lease_end_ - context_.clock.now());
+  }
+  /// Of the plug-in.
+  void take(const ros_device_force& force) {
+    const std::scoped_lock lock(mutex_);
+    force_newton_ = {force.force_newton[0], force.force_newton[1], force.force_newton[2]};
+    if (!force_newton_.allFinite()) force_newton_.setZero();
+    lease_end_ = context_.clock.now() + Duration(force.lease_ns);
+    number_ = force.number;
+    ++counts_.forces;
+    publish();
+  }
+  void end_force() {
+    if (force_newton_.isZero(0.0)) return;
+    force_newton_.setZero();
+    publish();
+  }
+  void publish() {
+    const Vector3 force = gate_.in_base(force_newton_);
+    static_cast<void>(forces_.write(
+        {.header = header_of(static_cast<std::int64_t>(wall_clock_ns()), gate_.frame()),
+         .wrench = {.force = xyz<geometry_msgs_msg_dds__Vector3_>(force), .torque = {}}}));
+  }
+
+  void pass_poses() {
+    const TimePoint now = context_.clock.now();
+    take_side_topics();
+    const std::scoped_lock lock(mutex_);
+    poses_.take([&](const PoseStamped& message, const Arrival& arrival) {
+      const auto& p = message.pose.position;
+      const auto& q = message.pose.orientation;
+      DevicePose pose{.source = arrival.source,
+                      .stamp_ns = wall_ns_of(message.header),
+                      .frame = message.header.frame_id,
+                      .position_m = {p.x, p.y, p.z},
+                      .orientation = {q.w, q.x, q.y, q.z},
+                      .is_known_type = is_known_type(arrival.source)};
+      const PoseRefusal refusal = gate_.judge(pose, now);
+      if (refusal != PoseRefusal::kNone) {
+        ++counts_.refused[static_cast<std::size_t>(refusal)];
+        return;
+      }
+      ++counts_.poses;
+      // a best-effort message may have been lost: that there is no force is said again
+      if (force_newton_.isZero(0.0)) publish();
+      send(pose);
+    });
+  }
+  void send(const DevicePose& pose) {
+    const Quaternion& q = pose.orientation;
+    ros_device_pose out{.wire = ROS_DEVICE_WIRE,
+                        .force = number_,
+                        .buttons = has_buttons_ ? held_ : 0,
+                        .is_ready = is_ready_ ? 1U : 0U,
+                        .position_m = {},
+                        .orientation_wxyz = {q.w(), q.x(), q.y(), q.z()},
+                        .received_ns = context_.clock.now().time_since_epoch().count()};
+    std::copy_n(pose.position_m.data(), 3, static_cast<double*>(out.position_m));
+    server_.send(out);
+  }
+  /// A publisher that is gone holds no button and is not ready.
+  void take_side_topics() {
+    states_.take([&](const OperatingState& state, const Arrival&) {
+      is_enabled_ = std::string_view(state.state) == "ENABLED" && state.is_homed;
+      has_state_ = true;
+    });
+    is_ready_ = !has_state_ || (is_enabled_ && states_.has_writer());
+    buttons_.take([&](const Joy& joy, const Arrival&) {
+      held_ = 0;
+      for (std::uint32_t i = 0; i < std::min(joy.buttons._length, 32U); ++i) {
+        if (joy.buttons._buffer[i] != 0) held_ |= 1U << i;
+      }
+    });
+    has_buttons_ = buttons_.has_writer();
+  }
+  bool is_known_type(std::uint64_t source) {
+    if (source != judged_source_) {
+      judged_source_ = source;
+      is_known_ = Node::complaint_about(poses_.get(), source, TypeOf<PoseStamped>::kType).empty();
+    }
+    return is_known_;
+  }
+
+  void report(TimePoint now) {
+    node_.note_strangers([&](const std::string& line) {
+      context_.log.warn("event=ros_stranger what=\"{}\"", line);
+    });
+    if (const std::string refused = server_.take_refusal(); !refused.empty()) {
+      context_.log.warn("event=peer_refused socket={} reason=\"{}\"", server_.path(), refused);
+    }
+    const bool has_peer = server_.has_peer();
+    if (has_peer != had_peer_) {
+      context_.log.info("event=device_node {}", has_peer ? "connected" : "gone: no force");
+    }
+    had_peer_ = has_peer;
+    Counts counts;
+    {
+      const std::scoped_lock lock(mutex_);
+      counts = counts_;
+    }
+    for (std::size_t i = 0; i < kPoseRefusals; ++i) {
+      const std::uint64_t due = throttles_[i].note(now, counts.refused[i] - reported_.refused[i]);
+      if (due == 0) continue;
+      context_.log.warn("event=pose_refused topic={}/measured_cp count={} reason=\"{}\"", topics_,
+                        due, explain(static_cast<PoseRefusal>(i)));
+    }
+    reported_ = counts;
+  }
+
+  NodeContext& context_;
+  Node node_;
+  DeviceServer server_;
+  const std::string topics_;
+  Reader<PoseStamped> poses_;
+  Reader<OperatingState> states_;
+  Reader<Joy> buttons_;
+  Writer<WrenchStamped> forces_;
+  Entity arrivals_;
+  // of the thread of poses
+  std::uint64_t judged_source_ = 0;
+  bool is_known_ = false;
+  bool has_state_ = false;
+  bool is_enabled_ = false;
+  bool is_ready_ = true;
+  bool has_buttons_ = false;
+  std::uint32_t held_ = 0;
+  std::atomic<bool> has_failed_{false};
+  // of both
+  std::mutex mutex_;
+  PoseGate gate_;
+  Vector3 force_newton_ = Vector3::Zero();  // on the hand, D
+  TimePoint lease_end_{};
+  std::uint32_t number_ = 0;
+  Counts counts_;
+  // of report()
+  Counts reported_;
+  std::array<EventThrottle, kPoseRefusals> throttles_;
+  bool had_peer_ = false;
+};
+
+}  // namespace
+
+std::string device_socket_of(const Session& session) {
+  constexpr std::string_view kRemedy =
+      ": give device { plugin { library: \"palpate_ros_device.so\" options: \"socket=PATH …\" } }";
+  const auto* plugin = std::get_if<PluginConfig>(&session.side().driver);
+  if (plugin == nullptr) {
+    throw SetupError("the device of the session is no plug-in" + std::string(kRemedy));
+  }
+  const std::string text = " " + plugin->options + " ";
+  constexpr std::string_view kKey = " socket=";
+  const std::size_t at = text.find(kKey);
+  const std::string path =
+      at == std::string::npos
+          ? ""
+          : text.substr(at + kKey.size(), text.find(' ', at + kKey.size()) - at - kKey.size());
+  if (path.empty()) {
+    throw SetupError("device.plugin.options have no socket" + std::string(kRemedy));
+  }
+  return path;
+}
+
+void run_ros_device(NodeContext& context, const RosDeviceOptions& options) {
+  Bridge(context, options, device_socket_of(context.session)).run();
+}
+
+}  // namespace palpate::ros

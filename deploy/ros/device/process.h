@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// process.h — a device behind topics of ROS 2, for the plug-in palpate_ros_device.so in
+// device_node: measured_cp and what else the arm publishes comes in, servo_cf goes out.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "common/process/run_node.h"
+#include "deploy/ros/dds/node.h"
+#include "deploy/ros/device/pose_gate.h"
+
+namespace palpate::ros {
+
+struct RosDeviceOptions {
+  Network network{};
+  std::string name_space = "palpate";
+  Offer offer = Offer::kSensorData;  ///< of the forces
+  DeviceAxes axes{};
+  std::string base_frame;  ///< frame_id of the poses; empty: that of the first one
+};
+
+/// The path of the socket in the options of the session's plug-in. Throws SetupError.
+[[nodiscard]] std::string device_socket_of(const Session& session);
+
+/// Runs until context.stop. Throws SetupError.
+void run_ros_device(NodeContext& context, const RosDeviceOptions& options);
+
+}  // namespace palpate::ros
