@@ -21,7 +21,8 @@ set(PALPATE_BOUNDARIES
   "common/core:common/coupling,common/core/elastic,commit.h"
   "common/core/elastic:common/core"
   "common/core/user:common/core"
-  "common/contact:common/core,common/contact/cloud"
+  "common/contact:common/core"
+  "common/contact/tiles:common/core,common/contact,common/contact/cloud"
   "common/contact/cloud:common/core,common/contact"
   "common/contact/elastic:common/core"
   "common/session:common/core"
@@ -64,7 +65,7 @@ set(PALPATE_BOUNDARIES
   # the clamp knows its own part of the session and no true state
   "mofc_node:common/core,common/coupling,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/named,mofc_node/failover,mofc_node/tissue"
   "mofc_node/failover:common/core,common/contact,mofc_node/tissue"
-  "mofc_node/tissue:common/core,common/core/elastic,common/contact,common/contact/elastic"
+  "mofc_node/tissue:common/core,common/core/elastic,common/contact,common/contact/tiles,common/contact/elastic"
   "mofc_node/controllers:wave_channel.h"
   # installed into one folder with the headers of controllers/, which it names without theirs
   "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h,implicit_step.h,wave_channel.h"
@@ -87,7 +88,7 @@ set(PALPATE_BOUNDARIES
   "physics_node/elastic:common/core,common/contact/elastic,physics_node/elastic/*,@threads"
   "physics_node/elastic/linear:common/contact/elastic/clones.h,physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
-  "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
+  "physics_node/scene:common/core,common/contact,common/contact/tiles,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/contact/elastic,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/condensed,physics_node/elastic/grip,@threads"
   # the tissue by itself: in physics_node, and without processes; installed with its C interface
   "physics_node/library:common/core,common/contact,common/session,physics_node/files,physics_node/scene,physics_node/elastic_tissue,physics_node/display/display_mesh.h,@threads"

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/contact/analytic_surfaces.h"
-#include "common/contact/tile_surface.h"
+#include "common/contact/tiles/tile_surface.h"
 #include "common/core/messages.h"
 
 namespace palpate::mofc {

@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <utility>
 
-#include "common/contact/tile_surface.h"
+#include "common/contact/tiles/tile_surface.h"
 #include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/surfaces/triangle_surface.h"
 

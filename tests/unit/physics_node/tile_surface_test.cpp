@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A surface or a cloud that is sent in tiles and evaluated from them, beside the surface itself.
-#include "common/contact/tile_surface.h"
+#include "common/contact/tiles/tile_surface.h"
 
 #include <gtest/gtest.h>
 
