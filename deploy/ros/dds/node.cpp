@@ -170,10 +170,13 @@ Entity Node::make_writer(const std::string& topic, const TopicType& type, Offer 
   return writer;
 }
 
-Entity Node::make_reader(const std::string& topic, const TopicType& type, int depth) {
+Entity Node::make_reader(const std::string& topic, const TopicType& type, int depth,
+                         bool is_of_kept) {
   const std::string name = "rt/" + topic;
   const Qos qos = qos_of(type);
-  dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
+  dds_qset_reliability(qos.get(),
+                       is_of_kept ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, 0);
+  if (is_of_kept) dds_qset_durability(qos.get(), DDS_DURABILITY_TRANSIENT_LOCAL);
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
   Entity reader(dds_create_reader(participant_.get(), topic_of(name, type), qos.get(), nullptr),
                 "topic " + name);

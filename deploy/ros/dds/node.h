@@ -135,7 +135,14 @@ class Node {
   /// Of any writer, reliable or not. Keeps Reader::kDepth.
   template <class T>
   [[nodiscard]] Reader<T> reader(const std::string& topic) {
-    return Reader<T>(make_reader(topic, TypeOf<T>::kType, static_cast<int>(Reader<T>::kDepth)));
+    return Reader<T>(
+        make_reader(topic, TypeOf<T>::kType, static_cast<int>(Reader<T>::kDepth), false));
+  }
+  /// Of writers that keep their newest message for those that come later: that one, too.
+  template <class T>
+  [[nodiscard]] Reader<T> reader_of_kept(const std::string& topic) {
+    return Reader<T>(
+        make_reader(topic, TypeOf<T>::kType, static_cast<int>(Reader<T>::kDepth), true));
   }
 
   /// For wait(): messages of this reader.
@@ -159,7 +166,7 @@ class Node {
     Offer offer = Offer::kSensorData;
   };
   Entity make_writer(const std::string& topic, const TopicType& type, Offer offer);
-  Entity make_reader(const std::string& topic, const TopicType& type, int depth);
+  Entity make_reader(const std::string& topic, const TopicType& type, int depth, bool is_of_kept);
   [[nodiscard]] dds_entity_t topic_of(const std::string& name, const TopicType& type);
   [[nodiscard]] std::string complaint_about(const dds_builtintopic_endpoint_t& stranger,
                                             bool is_writer) const;

@@ -188,28 +188,24 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
     free(d);
     return NULL;
   }
-  /* waits for the bridge, and for the first pose */
+  /* waits for the bridge, the first pose, and that the arm is ready */
   const int64_t end_ns = host->clock_ns(host->context) + (int64_t)(1e9 * host->start_limit_s);
-  int is_said = 0;
+  const char* is_missing = "";
   for (;;) {
-    if ((d->socket >= 0 || dial(d)) && take_poses(d) && d->has_pose) return d;
-    const int why = d->socket >= 0 ? 0 : errno;
+    const int is_there = d->socket >= 0 || dial(d);
+    const int why = errno;
+    if (is_there && take_poses(d) && d->has_pose && d->pose.is_ready) return d;
+    const char* missing = !is_there      ? "start `palpate ros device` with this session"
+                          : !d->has_pose ? "waiting for the first pose of the arm"
+                                         : "waiting for the arm's operating_state: ENABLED, homed";
     if (host->is_stopped(host->context) || host->clock_ns(host->context) > end_ns) {
-      if (why == 0) {
-        snprintf(error, error_size, "`palpate ros device` at %s hears no pose",
-                 d->address.sun_path);
-      } else {
-        snprintf(error, error_size, "%s: %s; start `palpate ros device` with this session",
-                 d->address.sun_path, strerror(why));
-      }
+      snprintf(error, error_size, "%s: %s; %s", d->address.sun_path,
+               is_there ? "the bridge answers" : strerror(why), missing);
       close_device(d);
       return NULL;
     }
-    if (!is_said) {
-      host->prompt(host->context, why == 0 ? "waiting for the first pose of the arm"
-                                           : "start `palpate ros device` with this session");
-    }
-    is_said = 1;
+    if (strcmp(missing, is_missing) != 0) host->prompt(host->context, missing);
+    is_missing = missing;
     const struct timespec pause = {.tv_sec = 0, .tv_nsec = 20000000};
     nanosleep(&pause, NULL);
   }

@@ -33,6 +33,7 @@ class Bridge {
         topics_(options.name_space),
         poses_(node_.reader<PoseStamped>(topics_ + "/measured_cp")),
         states_(node_.reader<OperatingState>(topics_ + "/operating_state")),
+        kept_states_(node_.reader_of_kept<OperatingState>(topics_ + "/operating_state")),
         buttons_(node_.reader<Joy>(topics_ + "/buttons")),
         forces_(node_.writer<WrenchStamped>(topics_ + "/servo_cf", options.offer)),
         arrivals_(node_.arrivals_of(poses_.get())),
@@ -154,13 +155,16 @@ class Bridge {
     std::copy_n(pose.position_m.data(), 3, static_cast<double*>(out.position_m));
     server_.send(out);
   }
-  /// A publisher that is gone holds no button and is not ready.
+  /// A publisher that is gone holds no button and is not ready, nor is one that is not heard yet.
   void take_side_topics() {
-    states_.take([&](const OperatingState& state, const Arrival&) {
+    const auto take_state = [&](const OperatingState& state, const Arrival&) {
       is_enabled_ = std::string_view(state.state) == "ENABLED" && state.is_homed;
       has_state_ = true;
-    });
-    is_ready_ = !has_state_ || (is_enabled_ && states_.has_writer());
+    };
+    kept_states_.take(take_state);
+    states_.take(take_state);
+    const bool is_told = states_.has_writer();
+    is_ready_ = is_told ? is_enabled_ : !has_state_;
     buttons_.take([&](const Joy& joy, const Arrival&) {
       held_ = 0;
       for (std::uint32_t i = 0; i < std::min(joy.buttons._length, 32U); ++i) {
@@ -209,6 +213,7 @@ class Bridge {
   const std::string topics_;
   Reader<PoseStamped> poses_;
   Reader<OperatingState> states_;
+  Reader<OperatingState> kept_states_;  // the newest of before, where the arm keeps it
   Reader<Joy> buttons_;
   Writer<WrenchStamped> forces_;
   Entity arrivals_;

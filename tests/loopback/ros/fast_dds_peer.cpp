@@ -16,6 +16,7 @@
 //
 // The arm's x points away from the person, its y to the left; the middle of its workspace is at
 // z = 0.1. A fault begins after SIGUSR1: stop, repeat, nan, unhomed, let_go (of the button).
+// kept_state: its state is told once, and kept. disabled: until SIGUSR1.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <algorithm>
 #include <array>
@@ -116,14 +117,21 @@ class Peer {
     return writer("measured_cf", is_pose ? pose_type_ : wrench_type_, hash);
   }
   dds::DataWriter* writer_of_news(const char* name, const char* type, NewsType::Write write,
-                                  const char* hash) {
-    return writer(name, dds::TypeSupport(new NewsType(type, write)), hash);
+                                  const char* hash, bool is_kept = false) {
+    return writer(name, dds::TypeSupport(new NewsType(type, write)), hash, is_kept);
   }
-  dds::DataWriter* writer(const char* name, const dds::TypeSupport& type, const char* hash) {
+  /// @param is_kept  reliable, and its newest message is for those that come later, too
+  dds::DataWriter* writer(const char* name, const dds::TypeSupport& type, const char* hash,
+                          bool is_kept = false) {
     dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
     qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
     qos.durability().kind = dds::VOLATILE_DURABILITY_QOS;
     qos.history().depth = 5;
+    if (is_kept) {
+      qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
+      qos.durability().kind = dds::TRANSIENT_LOCAL_DURABILITY_QOS;
+      qos.history().depth = 1;
+    }
     set_hash(qos.user_data(), hash);
     return publisher_->create_datawriter(topic(name, type), qos);
   }
@@ -368,10 +376,9 @@ class Arm final : public dds::DataReaderListener {
       }
       if (is_wrong && fault_ == "unhomed") news.is_homed = false;
       if (is_wrong && fault_ == "let_go") news.buttons = {0};
-      if (tick % 20 == 0) {
-        states_->write(&news);
-        buttons_->write(&news);
-      }
+      if (fault_ == "disabled") news.state = has_fault ? "ENABLED" : "DISABLED";
+      if (fault_ == "kept_state" ? tick == 1 : tick % 20 == 0) states_->write(&news);
+      if (tick % 20 == 0) buttons_->write(&news);
       if (is_wrong && fault_ == "stop") continue;
       if (!(is_wrong && fault_ == "repeat")) {
         const auto wall = std::chrono::duration_cast<std::chrono::nanoseconds>(

@@ -117,6 +117,33 @@ TEST_F(RosDevice, AnArmOfAnotherVendorsDdsIsADevice) {
   EXPECT_EQ(number_in(told, "last_newton"), 0.0) << told;
 }
 
+TEST_F(RosDevice, AStateThatWasToldBeforeCounts) {
+  arm_ = std::make_unique<Program>("fast_dds_peer",
+                                   std::vector<std::string>{domain_, "arm", "arm", "kept_state"});
+  arm_->await_err("ready");
+  bridge_ = std::make_unique<Program>("palpate_ros", bridge_arguments(file_));
+  launch_ = std::make_unique<Program>(
+      "palpate", std::vector<std::string>{"launch", file_, "--no-viewer", "--no-realtime"});
+  EXPECT_TRUE(test::is_enabled(*launch_)) << launch_->err() << bridge_->err();
+  end(*launch_);
+  end(*bridge_);
+  end(*arm_);
+}
+
+TEST_F(RosDevice, AnArmThatIsDisabledIsWaitedFor) {
+  arm_ = std::make_unique<Program>("fast_dds_peer",
+                                   std::vector<std::string>{domain_, "arm", "arm", "disabled"});
+  bridge_ = std::make_unique<Program>("palpate_ros", bridge_arguments(file_));
+  launch_ = std::make_unique<Program>(
+      "palpate", std::vector<std::string>{"launch", file_, "--no-viewer", "--no-realtime"});
+  EXPECT_FALSE(launch_->await_err("waiting for the arm's operating_state").empty());
+  arm_->send_signal(SIGUSR1);
+  EXPECT_FALSE(launch_->await_err("event=device_phase phase=").empty()) << launch_->err();
+  end(*launch_);
+  end(*bridge_);
+  end(*arm_);
+}
+
 struct Trouble {
   const char* fault;
   const char* line;  ///< of the bridge; empty: none
