@@ -328,7 +328,7 @@ class Arm final : public dds::DataReaderListener {
       : fault_(std::move(fault)),
         poses_(peer.writer_of_poses()),
         states_(peer.writer_of_news("operating_state", "crtk_msgs::msg::dds_::OperatingState_",
-                                    &write_state, kStateHash)),
+                                    &write_state, kStateHash, fault_ == "kept_state")),
         buttons_(
             peer.writer_of_news("buttons", "sensor_msgs::msg::dds_::Joy_", &write_joy, kJoyHash)),
         reader_(peer.reader("servo_cf", false, false, this)) {}
