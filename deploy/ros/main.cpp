@@ -5,6 +5,7 @@
 //   palpate_ros physics            a publisher of forces as the physics of a session
 //   palpate_ros device --session FILE   an arm behind topics as the device of a session
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -158,6 +159,8 @@ int run_device(int argc, char** argv) {
   RosDeviceOptions options;
   std::string axes = "x y z";
   std::vector<double> center_m{0.0, 0.0, 0.0};
+  double button_limit_ms = 500.0;
+  common.name_space.clear();
   return run_node(
       argc, argv,
       {.name = "ros_device",
@@ -180,6 +183,11 @@ int run_device(int argc, char** argv) {
                  ->type_name("X Y Z")
                  ->expected(3)
                  ->check(CLI::Range(-10.0, 10.0));
+             app.add_option("--button-limit", button_limit_ms,
+                            "a button that is not told for longer is released, in ms; 0: for "
+                            "publishers that tell changes only (default: 500)")
+                 ->type_name("MS")
+                 ->check(CLI::Range(0.0, 10000.0));
              app.add_option("--base-frame", options.base_frame,
                             "frame_id of the poses (default: that of the first one)")
                  ->type_name("NAME");
@@ -188,7 +196,16 @@ int run_device(int argc, char** argv) {
         common.check();
         options.network = common.network;
         options.name_space = common.name_space;
-        options.offer = common.offer();
+        if (common.name_space.empty()) {
+          throw SetupError(
+              "--namespace is missing: that of the arm; `palpate ros` shows sessions under "
+              "palpate/, with topics of the same names");
+        }
+        if (!std::isfinite(center_m[0] + center_m[1] + center_m[2])) {
+          throw SetupError("--center: must be three numbers");
+        }
+        options.offer = common.is_reliable ? Offer::kCommand : Offer::kSensorData;
+        if (button_limit_ms > 0.0) options.button_limit = from_seconds(1e-3 * button_limit_ms);
         options.axes = {.device_from_base = DeviceAxes::rotation_of(axes),
                         .center_m = Vector3(center_m[0], center_m[1], center_m[2])};
         run_ros_device(context, options);

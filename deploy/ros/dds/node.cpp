@@ -155,7 +155,9 @@ Entity Node::make_writer(const std::string& topic, const TopicType& type, Offer 
     dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
     dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kSensorDepth);
   } else {
-    const int depth = offer == Offer::kLatched ? kLatchedDepth : kReliableDepth;
+    const int depth = offer == Offer::kLatched   ? kLatchedDepth
+                      : offer == Offer::kCommand ? 1
+                                                 : kReliableDepth;
     dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, kLongestWait);
     dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
     if (offer == Offer::kLatched) {
@@ -227,6 +229,12 @@ std::string Node::complaint_about(const dds_builtintopic_endpoint_t& stranger,
   const auto [begin, end] = locals_.equal_range(stranger.topic_name);
   for (auto it = begin; it != end; ++it) {
     const Local& local = it->second;
+    if (local.is_writer && is_writer) {
+      return "a publisher of " + it->first.substr(3) +
+             ": this program publishes it too, so whoever listens hears both: end one of the two, "
+             "or "
+             "give another --namespace";
+    }
     if (local.is_writer == is_writer) continue;
     const std::string who = std::string(is_writer ? "a publisher" : "a subscriber") + " of " +
                             it->first.substr(3) + ": ";
@@ -258,10 +266,23 @@ std::string Node::complaint_about(const dds_builtintopic_endpoint_t& stranger,
   return {};
 }
 
+namespace {
+
+using Endpoint =
+    std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;
+Endpoint writer_of(dds_entity_t reader, std::uint64_t source) {
+  return {dds_get_matched_publication_data(reader, source), &dds_builtintopic_free_endpoint};
+}
+
+}  // namespace
+
+bool Node::is_there(dds_entity_t reader, std::uint64_t source) {
+  return writer_of(reader, source) != nullptr;
+}
+
 std::string Node::complaint_about(dds_entity_t reader, std::uint64_t source,
                                   const TopicType& type) {
-  const std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>
-      stranger(dds_get_matched_publication_data(reader, source), &dds_builtintopic_free_endpoint);
+  const Endpoint stranger = writer_of(reader, source);
   return stranger ? hash_complaint(*stranger, type) : std::string();
 }
 

@@ -41,6 +41,7 @@ struct Network {
 enum class Offer : std::uint8_t {
   kSensorData,  ///< best effort, keep last 5, as ROS 2 calls it
   kReliable,    ///< reliable, keep last 100
+  kCommand,     ///< reliable, and only the newest is sent again
   kLatched,     ///< reliable, and kept for those that come later
 };
 
@@ -110,10 +111,11 @@ class Reader {
     if (count > 0) dds_return_loan(reader_.get(), samples.data(), count);
   }
   [[nodiscard]] dds_entity_t get() const { return reader_.get(); }
-  [[nodiscard]] bool has_writer() const {
+  /// Matched now.
+  [[nodiscard]] std::size_t writers() const {
     dds_subscription_matched_status_t status{};
     dds_get_subscription_matched_status(reader_.get(), &status);
-    return status.current_count > 0;
+    return status.current_count;
   }
 
  private:
@@ -155,6 +157,8 @@ class Node {
   /// 32 strangers a call, and 100 lines in all.
   void note_strangers(const std::function<void(const std::string& line)>& say);
 
+  /// Whether the writer of a sample is still matched.
+  [[nodiscard]] static bool is_there(dds_entity_t reader, std::uint64_t source);
   /// What is wrong with the writer of a sample; empty: nothing.
   [[nodiscard]] static std::string complaint_about(dds_entity_t reader, std::uint64_t source,
                                                    const TopicType& type);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/ros/device/device_server.h"
 
+#include <fcntl.h>
 #include <poll.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -38,30 +40,44 @@ int make_socket() { return socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK
 
 DeviceServer::DeviceServer(const std::string& path) : path_(path) {
   const sockaddr_un address = address_of(path);
-  const int other = make_socket();
-  const bool is_served = other >= 0 && connect(other, plain(address), sizeof(address)) == 0;
-  if (other >= 0) close(other);
-  if (is_served) {
-    throw SetupError("socket " + path +
-                     ": another program serves it; end that `palpate ros device`");
+  const auto fail = [&](const std::string& why) {
+    if (listener_ >= 0) close(listener_);
+    if (lock_ >= 0) close(lock_);
+    throw SetupError("socket " + path + ": " + why);
+  };
+  const std::string elsewhere =
+      "; name another file in the options of the plug-in, in a folder of your own";
+  lock_ = open((path + ".lock").c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (lock_ < 0) fail(path + ".lock: " + std::strerror(errno) + elsewhere);
+  if (flock(lock_, LOCK_EX | LOCK_NB) != 0) {
+    fail("another program serves it; end that `palpate ros device`");
   }
-  struct stat status {};
-  if (lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode)) unlink(path.c_str());
+  // only what nobody serves any more is replaced
+  const int other = make_socket();
+  const bool is_served = connect(other, plain(address), sizeof(address)) == 0;
+  const int answer = errno;
+  close(other);
+  if (is_served) fail("another program serves it" + elsewhere);
+  if (answer == ECONNREFUSED) {
+    struct stat status {};
+    if (lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode)) unlink(path.c_str());
+  } else if (answer != ENOENT) {
+    fail(std::strerror(answer) + elsewhere);
+  }
   listener_ = make_socket();
   const mode_t mask = umask(0177);
-  const bool is_bound = listener_ >= 0 && bind(listener_, plain(address), sizeof(address)) == 0;
+  const bool is_bound = bind(listener_, plain(address), sizeof(address)) == 0;
   const int why = errno;
   umask(mask);
-  if (is_bound && listen(listener_, 1) == 0) return;
-  if (listener_ >= 0) close(listener_);
-  throw SetupError("socket " + path + ": " + std::strerror(why) +
-                   "; name another file in the options of the plug-in, in a folder of your own");
+  if (!is_bound) fail(std::strerror(why) + elsewhere);
+  if (listen(listener_, 1) != 0) fail(std::strerror(errno));
 }
 
 DeviceServer::~DeviceServer() {
   hang_up();
   close(listener_);
   unlink(path_.c_str());
+  close(lock_);  // the file stays: who waits for its lock has it open
 }
 
 std::optional<ros_device_force> DeviceServer::receive(Duration wait) {
@@ -74,13 +90,21 @@ std::optional<ros_device_force> DeviceServer::receive(Duration wait) {
     accept_peer();
     return std::nullopt;
   }
-  ros_device_force force{};
-  const ssize_t got = recv(both[1].fd, &force, sizeof(force), MSG_DONTWAIT);
-  if (got == static_cast<ssize_t>(sizeof(force)) && force.wire == ROS_DEVICE_WIRE) return force;
-  if (got < 0 && (errno == EAGAIN || errno == EINTR)) return std::nullopt;
-  if (got > 0) refusal_ = "it speaks otherwise: the plug-in is of another version";
-  hang_up();
-  return std::nullopt;
+  std::optional<ros_device_force> newest;
+  constexpr int kMost = 256;
+  for (int i = 0; i < kMost; ++i) {
+    ros_device_force force{};
+    const ssize_t got = recv(both[1].fd, &force, sizeof(force), MSG_DONTWAIT | MSG_TRUNC);
+    if (got < 0 && (errno == EAGAIN || errno == EINTR)) break;
+    if (got == static_cast<ssize_t>(sizeof(force)) && force.wire == ROS_DEVICE_WIRE) {
+      newest = force;
+      continue;
+    }
+    if (got > 0) refusal_ = "it speaks otherwise: the plug-in is of another version";
+    hang_up();
+    break;
+  }
+  return newest;
 }
 
 void DeviceServer::accept_peer() {

@@ -21,7 +21,7 @@ class DeviceServer {
   DeviceServer(const DeviceServer&) = delete;
   DeviceServer& operator=(const DeviceServer&) = delete;
 
-  /// Serves whoever asks and waits for a force. By one thread.
+  /// Serves whoever asks and waits for a force: of several the newest. By one thread.
   [[nodiscard]] std::optional<ros_device_force> receive(Duration wait);
   /// Left out if nobody asks, or does not read. By any thread.
   void send(const ros_device_pose& pose) noexcept;
@@ -35,6 +35,7 @@ class DeviceServer {
   void hang_up();
 
   const std::string path_;
+  int lock_ = -1;  // of a file beside it, as long as this program serves, stopped or not
   int listener_ = -1;
   std::string refusal_;
   mutable std::mutex mutex_;

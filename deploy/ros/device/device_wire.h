@@ -6,12 +6,12 @@
 
 #include <stdint.h>
 
-#define ROS_DEVICE_WIRE 0x52440001u /* changes with the packets */
+#define ROS_DEVICE_WIRE 0x52440002u /* changes with the packets */
 
 /* To the plug-in, for every pose that counts. */
 typedef struct {
   uint32_t wire;  /* ROS_DEVICE_WIRE */
-  uint32_t force; /* number of the newest force that was published before this pose came */
+  uint32_t force; /* number of a force that was published before this pose came */
   uint32_t buttons;
   uint32_t is_ready;          /* 0: its operating_state is another than ENABLED and homed */
   double position_m[3];       /* of the hand, D */
@@ -19,12 +19,12 @@ typedef struct {
   int64_t received_ns;        /* CLOCK_MONOTONIC */
 } ros_device_pose;
 
-/* To the bridge. Without a next one the bridge publishes no force from the end of the lease on. */
+/* To the bridge. Without a next one it publishes no force from `expires_ns` on. */
 typedef struct {
   uint32_t wire;
-  uint32_t number;        /* 1, 2, … */
+  uint32_t number;        /* 1, 2, …; never 0 */
   double force_newton[3]; /* on the hand, D */
-  int64_t lease_ns;
+  int64_t expires_ns;     /* CLOCK_MONOTONIC */
 } ros_device_force;
 
 #endif

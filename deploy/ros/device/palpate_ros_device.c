@@ -67,11 +67,13 @@ static int dial(palpate_device* d) {
   return 0;
 }
 
-/* Takes what has come. 0: the bridge is gone, or speaks otherwise. */
+/* Takes what has come, of a flood a part. 0: the bridge is gone, or speaks otherwise. */
 static int take_poses(palpate_device* d) {
-  while (d->socket >= 0) {
+  enum { kMost = 256 };
+  for (int i = 0; d->socket >= 0; ++i) {
+    if (i == kMost) return 1;
     ros_device_pose next;
-    const ssize_t got = recv(d->socket, &next, sizeof(next), MSG_DONTWAIT);
+    const ssize_t got = recv(d->socket, &next, sizeof(next), MSG_DONTWAIT | MSG_TRUNC);
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return 1;
     if (got != (ssize_t)sizeof(next) || next.wire != ROS_DEVICE_WIRE) {
@@ -87,8 +89,10 @@ static int take_poses(palpate_device* d) {
 /* A bridge that does not read has stopped: it ends the force as the lease runs out, or with it. */
 static int send_force(palpate_device* d, const double force_newton[3], int64_t lease_ns) {
   if (d->socket < 0) return PALPATE_DEVICE_UNPLUGGED;
+  const int64_t lasts_ns = lease_ns > 0 ? lease_ns : 0;
   ros_device_force out = {.wire = ROS_DEVICE_WIRE, .number = d->forces + 1};
-  out.lease_ns = lease_ns > 0 ? lease_ns : 0;
+  if (out.number == 0) out.number = 1;
+  out.expires_ns = monotonic_ns() + lasts_ns;
   limit_force(force_newton, lease_ns > 0, d->specification.peak_force_newton, out.force_newton);
   if (send(d->socket, &out, sizeof(out), MSG_DONTWAIT | MSG_NOSIGNAL) != (ssize_t)sizeof(out)) {
     return errno == EAGAIN || errno == EWOULDBLOCK ? PALPATE_DEVICE_TIMEOUT
@@ -97,7 +101,7 @@ static int send_force(palpate_device* d, const double force_newton[3], int64_t l
   d->forces = out.number;
   d->released_by = lease_ns > 0 ? 0 : out.number;
   memcpy(d->force_newton, out.force_newton, sizeof(d->force_newton));
-  d->lease_end_ns = d->host->clock_ns(d->host->context) + out.lease_ns;
+  d->lease_end_ns = d->host->clock_ns(d->host->context) + lasts_ns;
   return PALPATE_DEVICE_OK;
 }
 
@@ -143,7 +147,7 @@ static int apply_force(palpate_device* d, const double force_newton[3], int64_t 
   static const int64_t kLongestWaitNs = 20000000;
   const int64_t until_ns =
       monotonic_ns() + (d->patience_ns < kLongestWaitNs ? d->patience_ns : kLongestWaitNs);
-  while (take_poses(d) && (d->released_by == 0 || d->pose.force < d->released_by)) {
+  while (take_poses(d) && (d->released_by == 0 || (int32_t)(d->pose.force - d->released_by) < 0)) {
     struct pollfd news = {.fd = d->socket, .events = POLLIN};
     const int64_t left_ns = until_ns - monotonic_ns();
     if (d->released_by == 0 || left_ns <= 0) return PALPATE_DEVICE_TIMEOUT;
@@ -153,7 +157,17 @@ static int apply_force(palpate_device* d, const double force_newton[3], int64_t 
   return fill(d, 0, at_switch);
 }
 
-static int reopen_device(palpate_device* d) { return d->socket >= 0 || dial(d); }
+/* Waits for a pose, since a release is confirmed by one. */
+static int reopen_device(palpate_device* d) {
+  static const int64_t kLongestNs = 500000000;
+  const int64_t until_ns = monotonic_ns() + kLongestNs;
+  if (d->socket < 0 && !dial(d)) return 0;
+  while (take_poses(d) && !d->has_pose && monotonic_ns() < until_ns) {
+    struct pollfd news = {.fd = d->socket, .events = POLLIN};
+    (void)poll(&news, 1, 20);
+  }
+  return d->socket >= 0 && d->has_pose;
+}
 
 static void close_device(palpate_device* d) {
   release_device(d);
@@ -161,8 +175,46 @@ static void close_device(palpate_device* d) {
   free(d);
 }
 
+/* 0: some word is none of the options, or no number within its range; named in `error`. */
+static int check_options(const char* options, char* error, size_t error_size) {
+  static const struct {
+    const char* key;
+    double most;
+  } kNumbers[] = {{"peak_newton", 1e3},   {"continuous_newton", 1e3}, {"half_extent_m", 10.0},
+                  {"resolution_m", 0.01}, {"buttons", 32.0},          {"patience_ms", 1000.0}};
+  for (const char* at = options; *at != '\0';) {
+    at += strspn(at, " ");
+    const size_t length = strcspn(at, " ");
+    if (length == 0) break;
+    char word[160];
+    snprintf(word, sizeof(word), "%.*s", (int)length, at);
+    at += length;
+    char* value = strchr(word, '=');
+    int is_good = value != NULL && value[1] != '\0' && length < sizeof(word);
+    if (value != NULL) *value++ = '\0';
+    if (is_good && strcmp(word, "socket") != 0) {
+      double most = 0.0;
+      for (size_t i = 0; i < sizeof(kNumbers) / sizeof(kNumbers[0]); ++i) {
+        if (strcmp(word, kNumbers[i].key) == 0) most = kNumbers[i].most;
+      }
+      char* end = value;
+      const double number = strtod(value, &end);
+      is_good = most > 0.0 && *end == '\0' && number > 0.0 && number <= most;
+    }
+    if (is_good) continue;
+    snprintf(
+        error, error_size,
+        "option \"%s\": known are socket=PATH, peak_newton and continuous_newton (up to 1000), "
+        "half_extent_m (10), resolution_m (0.01), buttons (32), patience_ms (1000), each > 0",
+        word);
+    return 0;
+  }
+  return 1;
+}
+
 static palpate_device* open_device(const char* options, const palpate_device_host* host,
                                    char* error, size_t error_size) {
+  if (!check_options(options, error, error_size)) return NULL;
   palpate_device* d = calloc(1, sizeof(*d));
   if (d == NULL) return NULL;
   d->host = host;
@@ -193,11 +245,13 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
   const char* is_missing = "";
   for (;;) {
     const int is_there = d->socket >= 0 || dial(d);
-    const int why = errno;
+    const int why = is_there ? 0 : errno;
     if (is_there && take_poses(d) && d->has_pose && d->pose.is_ready) return d;
-    const char* missing = !is_there      ? "start `palpate ros device` with this session"
-                          : !d->has_pose ? "waiting for the first pose of the arm"
-                                         : "waiting for the arm's operating_state: ENABLED, homed";
+    const char* missing = !is_there ? "start `palpate ros device` with this session"
+                          : !d->has_pose
+                              ? "waiting for the first pose of the arm, or until another "
+                                "device_node leaves the bridge"
+                              : "waiting for the arm's operating_state: ENABLED, homed";
     if (host->is_stopped(host->context) || host->clock_ns(host->context) > end_ns) {
       snprintf(error, error_size, "%s: %s; %s", d->address.sun_path,
                is_there ? "the bridge answers" : strerror(why), missing);

@@ -57,10 +57,10 @@ PoseRefusal PoseGate::judge(DevicePose& pose, TimePoint now) {
   const double norm = pose.orientation.norm();
   // negated: a NaN is refused too
   if (!pose.position_m.allFinite() || !(norm > 0.5 && norm < 2.0)) return PoseRefusal::kNoPose;
-  if (!frame_.empty() && pose.frame != frame_) return PoseRefusal::kOtherFrame;
+  if ((is_frame_given_ || is_same_source) && pose.frame != frame_) return PoseRefusal::kOtherFrame;
   if (is_same_source && pose.stamp_ns <= last_stamp_ns_) return PoseRefusal::kNotNewer;
 
-  if (frame_.empty()) frame_ = pose.frame;
+  if (!is_same_source) frame_ = pose.frame;
   source_ = pose.source;
   last_stamp_ns_ = pose.stamp_ns;
   taken_at_ = now;

@@ -54,7 +54,7 @@ class PoseGate {
   /// A source that has sent nothing acceptable for so long may be replaced by another one.
   static constexpr Duration kSourceSilence = std::chrono::seconds(1);
 
-  /// @param frame  of the poses; empty: that of the first one
+  /// @param frame  of the poses; empty: that of the first one of a source
   PoseGate(DeviceAxes axes, std::string frame) : axes_(std::move(axes)), frame_(std::move(frame)) {}
 
   /// @param pose  is put into D unless it is refused
@@ -68,6 +68,7 @@ class PoseGate {
  private:
   DeviceAxes axes_;
   std::string frame_;
+  bool is_frame_given_;
   std::uint64_t source_ = 0;  // of the last pose that counted
   std::int64_t last_stamp_ns_ = 0;
   TimePoint taken_at_{};

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <exception>
+#include <map>
 #include <mutex>
 #include <thread>
 #include <variant>
@@ -21,6 +22,43 @@ namespace {
 constexpr Duration kReportInterval = std::chrono::milliseconds(200);
 /// Poses and forces are waited for; what ends by time is looked at so often.
 constexpr Duration kWait = std::chrono::milliseconds(5);
+constexpr Duration kLongestLease = std::chrono::seconds(1);
+
+/// The newest bits of each publisher of a topic.
+class Told {
+ public:
+  Told(dds_entity_t reader, const TopicType& type) : reader_(reader), type_(type) {}
+
+  /// Of one whose fields may be others: none.
+  void note(std::uint64_t source, std::uint32_t bits) {
+    has_heard_ = true;
+    const auto [publisher, is_new] = publishers_.try_emplace(source);
+    if (is_new) publisher->second.is_known = Node::complaint_about(reader_, source, type_).empty();
+    publisher->second.bits = publisher->second.is_known ? bits : 0;
+  }
+  /// The bits that all of them have; none while one of the `count` publishers was not heard yet.
+  [[nodiscard]] std::uint32_t of(std::size_t count) {
+    if (publishers_.size() != count) {
+      std::erase_if(publishers_,
+                    [&](const auto& one) { return !Node::is_there(reader_, one.first); });
+    }
+    if (count == 0 || publishers_.size() != count) return 0;
+    std::uint32_t all = ~0U;
+    for (const auto& [source, publisher] : publishers_) all &= publisher.bits;
+    return all;
+  }
+  [[nodiscard]] bool has_heard() const { return has_heard_; }
+
+ private:
+  struct Publisher {
+    std::uint32_t bits = 0;
+    bool is_known = false;
+  };
+  dds_entity_t reader_;
+  const TopicType& type_;
+  std::map<std::uint64_t, Publisher> publishers_;
+  bool has_heard_ = false;
+};
 
 /// Topics on one side, the plug-in on the other. Forces are passed on by the thread of run(), poses
 /// by one of its own.
@@ -28,8 +66,9 @@ class Bridge {
  public:
   Bridge(NodeContext& context, const RosDeviceOptions& options, const std::string& socket)
       : context_(context),
-        node_(options.network),
         server_(socket),
+        node_(options.network),
+        options_(options),
         topics_(options.name_space),
         poses_(node_.reader<PoseStamped>(topics_ + "/measured_cp")),
         states_(node_.reader<OperatingState>(topics_ + "/operating_state")),
@@ -55,19 +94,11 @@ class Bridge {
         has_failed_ = true;
       }
     });
-    TimePoint next_report{};
-    while (!context_.stop.stop_requested() && !has_failed_) {
-      if (const auto force = server_.receive(wait())) take(*force);
-      const TimePoint now = context_.clock.now();
-      {
-        const std::scoped_lock lock(mutex_);
-        const bool has_peer = server_.has_peer();
-        if (!has_peer) number_ = 0;  // the next one counts anew
-        if (!has_peer || now >= lease_end_) end_force();
-      }
-      if (now < next_report) continue;
-      next_report = now + kReportInterval;
-      report(now);
+    try {
+      pass_forces();
+    } catch (...) {
+      if (!error) error = std::current_exception();
+      has_failed_ = true;
     }
     poses.request_stop();
     poses.join();
@@ -92,17 +123,37 @@ class Bridge {
     }
   };
 
+  void pass_forces() {
+    TimePoint next_report{};
+    while (!context_.stop.stop_requested() && !has_failed_) {
+      if (const auto force = server_.receive(wait())) take(*force);
+      const TimePoint now = context_.clock.now();
+      {
+        const std::scoped_lock lock(mutex_);
+        const bool has_peer = server_.has_peer();
+        if (!has_peer) number_ = shown_ = 0;  // the next one counts anew
+        if (!has_peer || now >= expires_) end_force();
+      }
+      if (now < next_report) continue;
+      next_report = now + kReportInterval;
+      report(now);
+    }
+  }
   /// Until the lease ends.
   [[nodiscard]] Duration wait() {
     const std::scoped_lock lock(mutex_);
-    return force_newton_.isZero(0.0) ? kWait : std::min(kWait, lease_end_ - context_.clock.now());
+    return force_newton_.isZero(0.0) ? kWait : std::min(kWait, expires_ - context_.clock.now());
   }
   /// Of the plug-in.
   void take(const ros_device_force& force) {
     const std::scoped_lock lock(mutex_);
     force_newton_ = {force.force_newton[0], force.force_newton[1], force.force_newton[2]};
-    if (!force_newton_.allFinite()) force_newton_.setZero();
-    lease_end_ = context_.clock.now() + Duration(force.lease_ns);
+    const TimePoint now = context_.clock.now();
+    expires_ = TimePoint(Duration(force.expires_ns));
+    // one that comes after its lease, as from a bridge that was stopped, or with none that is one
+    if (!(now < expires_ && expires_ < now + kLongestLease) || !force_newton_.allFinite()) {
+      force_newton_.setZero();
+    }
     number_ = force.number;
     ++counts_.forces;
     publish();
@@ -121,7 +172,7 @@ class Bridge {
 
   void pass_poses() {
     const TimePoint now = context_.clock.now();
-    take_side_topics();
+    take_side_topics(now);
     const std::scoped_lock lock(mutex_);
     poses_.take([&](const PoseStamped& message, const Arrival& arrival) {
       const auto& p = message.pose.position;
@@ -142,12 +193,14 @@ class Bridge {
       if (force_newton_.isZero(0.0)) publish();
       send(pose);
     });
+    // what comes from now on was received after this force was published
+    shown_ = number_;
   }
   void send(const DevicePose& pose) {
     const Quaternion& q = pose.orientation;
     ros_device_pose out{.wire = ROS_DEVICE_WIRE,
-                        .force = number_,
-                        .buttons = has_buttons_ ? held_ : 0,
+                        .force = shown_,
+                        .buttons = held_,
                         .is_ready = is_ready_ ? 1U : 0U,
                         .position_m = {},
                         .orientation_wxyz = {q.w(), q.x(), q.y(), q.z()},
@@ -155,23 +208,27 @@ class Bridge {
     std::copy_n(pose.position_m.data(), 3, static_cast<double*>(out.position_m));
     server_.send(out);
   }
-  /// A publisher that is gone holds no button and is not ready, nor is one that is not heard yet.
-  void take_side_topics() {
-    const auto take_state = [&](const OperatingState& state, const Arrival&) {
-      is_enabled_ = std::string_view(state.state) == "ENABLED" && state.is_homed;
-      has_state_ = true;
+  /// Ready while everybody who tells the state says so; held is a button that everybody holds who
+  /// tells buttons. A publisher that is gone is not ready and holds none.
+  void take_side_topics(TimePoint now) {
+    const auto take_state = [&](const OperatingState& state, const Arrival& arrival) {
+      enabled_.note(arrival.source,
+                    std::string_view(state.state) == "ENABLED" && state.is_homed ? 1U : 0U);
     };
     kept_states_.take(take_state);
     states_.take(take_state);
-    const bool is_told = states_.has_writer();
-    is_ready_ = is_told ? is_enabled_ : !has_state_;
-    buttons_.take([&](const Joy& joy, const Arrival&) {
-      held_ = 0;
+    buttons_.take([&](const Joy& joy, const Arrival& arrival) {
+      std::uint32_t held = 0;
       for (std::uint32_t i = 0; i < std::min(joy.buttons._length, 32U); ++i) {
-        if (joy.buttons._buffer[i] != 0) held_ |= 1U << i;
+        if (joy.buttons._buffer[i] != 0) held |= 1U << i;
       }
+      pressed_.note(arrival.source, held);
+      pressed_at_ = now;
     });
-    has_buttons_ = buttons_.has_writer();
+    const std::size_t tellers = states_.writers();
+    is_ready_ = tellers > 0 ? enabled_.of(tellers) != 0 : !enabled_.has_heard();
+    const bool is_old = options_.button_limit && now - pressed_at_ > *options_.button_limit;
+    held_ = is_old ? 0 : pressed_.of(buttons_.writers());
   }
   bool is_known_type(std::uint64_t source) {
     if (source != judged_source_) {
@@ -208,8 +265,9 @@ class Bridge {
   }
 
   NodeContext& context_;
+  DeviceServer server_;  // before the threads of DDS begin
   Node node_;
-  DeviceServer server_;
+  const RosDeviceOptions options_;
   const std::string topics_;
   Reader<PoseStamped> poses_;
   Reader<OperatingState> states_;
@@ -220,18 +278,19 @@ class Bridge {
   // of the thread of poses
   std::uint64_t judged_source_ = 0;
   bool is_known_ = false;
-  bool has_state_ = false;
-  bool is_enabled_ = false;
+  Told enabled_{states_.get(), TypeOf<OperatingState>::kType};
+  Told pressed_{buttons_.get(), TypeOf<Joy>::kType};
+  TimePoint pressed_at_{};
   bool is_ready_ = true;
-  bool has_buttons_ = false;
   std::uint32_t held_ = 0;
   std::atomic<bool> has_failed_{false};
   // of both
   std::mutex mutex_;
   PoseGate gate_;
   Vector3 force_newton_ = Vector3::Zero();  // on the hand, D
-  TimePoint lease_end_{};
-  std::uint32_t number_ = 0;
+  TimePoint expires_{};
+  std::uint32_t number_ = 0;  // of the newest force
+  std::uint32_t shown_ = 0;   // as the poses before were taken
   Counts counts_;
   // of report()
   Counts reported_;

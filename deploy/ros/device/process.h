@@ -14,10 +14,11 @@ namespace palpate::ros {
 
 struct RosDeviceOptions {
   Network network{};
-  std::string name_space = "palpate";
+  std::string name_space;            ///< not that of palpate ros: their topics have the same names
   Offer offer = Offer::kSensorData;  ///< of the forces
   DeviceAxes axes{};
-  std::string base_frame;  ///< frame_id of the poses; empty: that of the first one
+  std::string base_frame;                ///< frame_id of the poses; empty: that of the first one
+  std::optional<Duration> button_limit;  ///< a button that nobody told for longer is released
 };
 
 /// The path of the socket in the options of the session's plug-in. Throws SetupError.
