@@ -55,7 +55,8 @@ class PoseGate {
   static constexpr Duration kSourceSilence = std::chrono::seconds(1);
 
   /// @param frame  of the poses; empty: that of the first one of a source
-  PoseGate(DeviceAxes axes, std::string frame) : axes_(std::move(axes)), frame_(std::move(frame)) {}
+  PoseGate(DeviceAxes axes, std::string frame)
+      : axes_(std::move(axes)), frame_(std::move(frame)), is_frame_given_(!frame_.empty()) {}
 
   /// @param pose  is put into D unless it is refused
   [[nodiscard]] PoseRefusal judge(DevicePose& pose, TimePoint now);

@@ -5,6 +5,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <exception>
 #include <map>
 #include <mutex>
@@ -22,6 +23,7 @@ namespace {
 constexpr Duration kReportInterval = std::chrono::milliseconds(200);
 /// Poses and forces are waited for; what ends by time is looked at so often.
 constexpr Duration kWait = std::chrono::milliseconds(5);
+constexpr double kDefaultPatience_ms = 5.0;  // of palpate_ros_device.c
 constexpr Duration kLongestLease = std::chrono::seconds(1);
 
 /// The newest bits of each publisher of a topic.
@@ -320,8 +322,31 @@ std::string device_socket_of(const Session& session) {
   return path;
 }
 
+namespace {
+
+/// What the plug-in takes for fresh, as it reads it; nothing where it will refuse it.
+double patience_ms_of(const Session& session) {
+  constexpr std::string_view kKey = " patience_ms=";
+  const std::string text = " " + std::get<PluginConfig>(session.side().driver).options;
+  const std::size_t at = text.find(kKey);
+  return at == std::string::npos ? kDefaultPatience_ms
+                                 : std::strtod(text.c_str() + at + kKey.size(), nullptr);
+}
+
+}  // namespace
+
 void run_ros_device(NodeContext& context, const RosDeviceOptions& options) {
-  Bridge(context, options, device_socket_of(context.session)).run();
+  Bridge bridge(context, options, device_socket_of(context.session));
+  const double patience_ms = patience_ms_of(context.session);
+  const double latency_ms = 1e3 * to_seconds(context.session.side().device.latency);
+  if (latency_ms < patience_ms) {
+    context.log.warn(
+        "event=latency_understated patience_ms={} latency_us={}: poses may be older than the "
+        "session "
+        "says, and the guarantee relies on it; raise device.latency_us or lower patience_ms",
+        patience_ms, 1e3 * latency_ms);
+  }
+  bridge.run();
 }
 
 }  // namespace palpate::ros

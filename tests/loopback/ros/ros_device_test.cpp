@@ -3,7 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
 #include <csignal>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -192,6 +197,35 @@ TEST_F(RosDevice, WhatCannotBeServedIsRefusedWithARemedy) {
   EXPECT_EQ(second.status, 2);
   EXPECT_THAT(second.err, HasSubstr("another program serves it"));
   end(first);
+
+  // the socket of another program stays
+  const int stranger = socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
+  socket_.copy(static_cast<char*>(address.sun_path), sizeof(address.sun_path) - 1);
+  ASSERT_EQ(bind(stranger, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+  ASSERT_EQ(listen(stranger, 1), 0);
+  const test::Outcome taken = test::run_program("palpate_ros", bridge_arguments(file_));
+  EXPECT_EQ(taken.status, 2);
+  EXPECT_THAT(taken.err, HasSubstr("name another file"));
+  EXPECT_TRUE(std::filesystem::is_socket(socket_));
+  close(stranger);
+
+  std::vector<std::string> no_center = bridge_arguments(file_);
+  no_center.back() = "nan";
+  EXPECT_EQ(test::run_program("palpate_ros", no_center).status, 2);
+  const test::Outcome no_name =
+      test::run_program("palpate_ros", {"device", "--session", file_, "--domain", domain_});
+  EXPECT_EQ(no_name.status, 2);
+  EXPECT_THAT(no_name.err, HasSubstr("--namespace is missing"));
+
+  for (const char* const wrong : {"patience_ms=abc", "patiense_ms=40", "buttons=1e30"}) {
+    std::string text = arm_session_text(socket_);
+    text.replace(text.find("buttons=1 patience_ms=300"), 25, wrong);
+    const test::Outcome refused = test::run_program(
+        "palpate", {"launch", files_.write("wrong.txtpb", text), "--no-viewer", "--no-realtime"});
+    EXPECT_EQ(refused.status, 2) << wrong;
+    EXPECT_THAT(refused.err, HasSubstr("known are socket=PATH")) << wrong;
+  }
 
   const std::string simulated = files_.write(
       "simulated.txtpb", "name: \"s\" device { simulated {} } physics { rate_hz: 500 }");

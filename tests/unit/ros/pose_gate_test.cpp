@@ -82,7 +82,17 @@ TEST(PoseGate, AnotherArmMayFollowOnceTheFirstIsSilent) {
   DevicePose early = pose_at(1, 2);
   EXPECT_EQ(gate.judge(early, kStart + 999ms), PoseRefusal::kOtherSource);
   DevicePose late = pose_at(1, 2);
+  late.frame = "base of the other";
   EXPECT_EQ(gate.judge(late, kStart + 1s), PoseRefusal::kNone) << "its own clock may be behind";
+}
+
+TEST(PoseGate, TheFrameThatIsNamedCounts) {
+  PoseGate gate({}, "base");
+  DevicePose other = pose_at(1);
+  other.frame = "";
+  EXPECT_EQ(gate.judge(other, kStart), PoseRefusal::kOtherFrame);
+  DevicePose pose = pose_at(2);
+  EXPECT_EQ(gate.judge(pose, kStart), PoseRefusal::kNone);
 }
 
 }  // namespace
