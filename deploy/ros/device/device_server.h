@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "common/core/time.h"
 #include "deploy/ros/device/device_wire.h"

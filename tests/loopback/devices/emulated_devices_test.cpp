@@ -99,24 +99,27 @@ TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
       EXPECT_EQ(row.device.force_on_hand_newton, Vector3(0, 0, 0)) << "nobody has acknowledged";
     }
     const auto begin = std::chrono::steady_clock::now();
-    const bool is_enabled = test::is_enabled(launch);
-    // A push of the motors that lasts several ticks longer than meant moves the handle too far.
-    const double ticks =
-        kRate_hz * std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    const int skipped = skipped_ticks(launch.err());
-    if (!is_enabled && skipped > 0.2 * ticks) {
+    // A push of the motors that lasts several ticks longer than meant moves the handle too far, and
+    // an emulator that does not run for a second is silent.
+    const auto is_starved = [&] {
+      const double ticks =
+          kRate_hz *
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      return skipped_ticks(launch.err()) > 0.2 * ticks;
+    };
+    const bool is_felt = test::is_enabled(launch) && watcher.until([&] {
+      return !watcher.rows().empty() &&
+             watcher.rows().back().device.force_on_hand_newton.norm() > 0.3;
+    });
+    if (!is_felt && is_starved()) {
       std::cout << "not checked: the force through the wire of " << session
-                << ": device_node skipped " << skipped << " of its ticks\n";
+                << ": device_node skipped " << skipped_ticks(launch.err()) << " of its ticks\n";
       launch.send_signal(SIGINT);
       launch.wait();
       EXPECT_GE(least_energy_microjoule(launch.err()), -1.0) << launch.err();
       continue;
     }
-    EXPECT_TRUE(is_enabled) << launch.err();
-    EXPECT_TRUE(watcher.until([&] {
-      return !watcher.rows().empty() &&
-             watcher.rows().back().device.force_on_hand_newton.norm() > 0.3;
-    })) << launch.err();
+    EXPECT_TRUE(is_felt) << launch.err();
     EXPECT_TRUE(watcher.until_rows(100));  // so that launch has seen it too
     launch.send_signal(SIGINT);
 
