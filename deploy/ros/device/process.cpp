@@ -312,7 +312,7 @@ std::string device_socket_of(const Session& session) {
   const std::string text = " " + plugin->options + " ";
   constexpr std::string_view kKey = " socket=";
   const std::size_t at = text.find(kKey);
-  const std::string path =
+  std::string path =
       at == std::string::npos
           ? ""
           : text.substr(at + kKey.size(), text.find(' ', at + kKey.size()) - at - kKey.size());
