@@ -232,8 +232,7 @@ std::string Node::complaint_about(const dds_builtintopic_endpoint_t& stranger,
     if (local.is_writer && is_writer) {
       return "a publisher of " + it->first.substr(3) +
              ": this program publishes it too, so whoever listens hears both: end one of the two, "
-             "or "
-             "give another --namespace";
+             "or give another --namespace";
     }
     if (local.is_writer == is_writer) continue;
     const std::string who = std::string(is_writer ? "a publisher" : "a subscriber") + " of " +
@@ -276,12 +275,11 @@ Endpoint writer_of(dds_entity_t reader, std::uint64_t source) {
 
 }  // namespace
 
-bool Node::is_there(dds_entity_t reader, std::uint64_t source) {
+bool is_there(dds_entity_t reader, std::uint64_t source) {
   return writer_of(reader, source) != nullptr;
 }
 
-std::string Node::complaint_about(dds_entity_t reader, std::uint64_t source,
-                                  const TopicType& type) {
+std::string complaint_about(dds_entity_t reader, std::uint64_t source, const TopicType& type) {
   const Endpoint stranger = writer_of(reader, source);
   return stranger ? hash_complaint(*stranger, type) : std::string();
 }

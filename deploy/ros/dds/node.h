@@ -89,6 +89,12 @@ struct Arrival {
   std::int64_t sent_ns = 0;  ///< its wall clock
 };
 
+/// What is wrong with the type of the writer of a sample; empty: nothing.
+[[nodiscard]] std::string complaint_about(dds_entity_t reader, std::uint64_t source,
+                                          const TopicType& type);
+/// Whether that writer is still matched.
+[[nodiscard]] bool is_there(dds_entity_t reader, std::uint64_t source);
+
 template <class T>
 class Reader {
  public:
@@ -111,6 +117,14 @@ class Reader {
     if (count > 0) dds_return_loan(reader_.get(), samples.data(), count);
   }
   [[nodiscard]] dds_entity_t get() const { return reader_.get(); }
+  /// Whether the fields of what this writer sends are ours. By the thread of take().
+  [[nodiscard]] bool is_known_type(std::uint64_t source) {
+    if (source != judged_source_) {
+      judged_source_ = source;
+      is_known_ = complaint_about(reader_.get(), source, TypeOf<T>::kType).empty();
+    }
+    return is_known_;
+  }
   /// Matched now.
   [[nodiscard]] std::size_t writers() const {
     dds_subscription_matched_status_t status{};
@@ -120,6 +134,8 @@ class Reader {
 
  private:
   Entity reader_;
+  std::uint64_t judged_source_ = 0;  // whose type was looked at last
+  bool is_known_ = false;
 };
 
 /// A participant, its writers and readers. Its functions may be called by several threads, but for
@@ -156,12 +172,6 @@ class Node {
   /// type, another definition of the type, a quality that is not offered. Each line once. At most
   /// 32 strangers a call, and 100 lines in all.
   void note_strangers(const std::function<void(const std::string& line)>& say);
-
-  /// Whether the writer of a sample is still matched.
-  [[nodiscard]] static bool is_there(dds_entity_t reader, std::uint64_t source);
-  /// What is wrong with the writer of a sample; empty: nothing.
-  [[nodiscard]] static std::string complaint_about(dds_entity_t reader, std::uint64_t source,
-                                                   const TopicType& type);
 
  private:
   struct Local {

@@ -8,6 +8,9 @@
 
 #define ROS_DEVICE_WIRE 0x52440002u /* changes with the packets */
 
+/* An older pose is a fault, unless patience_ms of the plug-in says otherwise. */
+#define ROS_DEVICE_PATIENCE_MS 5.0
+
 /* To the plug-in, for every pose that counts. */
 typedef struct {
   uint32_t wire;  /* ROS_DEVICE_WIRE */

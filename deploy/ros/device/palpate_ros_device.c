@@ -229,7 +229,7 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
     s->workspace_half_extent_m[i] = option_number(options, "half_extent_m");
   s->button_count = (uint32_t)option_number(options, "buttons");
   const double patience_ms = option_number(options, "patience_ms");
-  d->patience_ns = (int64_t)(1e6 * (patience_ms > 0.0 ? patience_ms : 5.0));
+  d->patience_ns = (int64_t)(1e6 * (patience_ms > 0.0 ? patience_ms : ROS_DEVICE_PATIENCE_MS));
   d->address.sun_family = AF_UNIX;
   if (!option_text(options, "socket", d->address.sun_path, sizeof(d->address.sun_path)) ||
       s->peak_force_newton == 0.0 || s->continuous_force_newton == 0.0 ||
@@ -265,22 +265,4 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
   }
 }
 
-static void specify(const palpate_device* d, palpate_device_specification* out) {
-  const uint32_t size = out->size;
-  *out = d->specification;
-  out->size = size;
-}
-
-const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
-  static const palpate_device_driver kDriver = {sizeof(palpate_device_driver),
-                                                PALPATE_DEVICE_ABI,
-                                                open_device,
-                                                close_device,
-                                                specify,
-                                                read_device,
-                                                apply_force,
-                                                release_device,
-                                                NULL,
-                                                reopen_device};
-  return abi == PALPATE_DEVICE_ABI ? &kDriver : NULL;
-}
+PALPATE_VENDOR_DRIVER(reopen_device)

@@ -50,20 +50,16 @@ const char* explain(PoseRefusal refusal) {
 
 PoseRefusal PoseGate::judge(DevicePose& pose, TimePoint now) {
   if (!pose.is_known_type) return PoseRefusal::kUnknownType;
-  const bool is_same_source = pose.source == source_;
-  if (!is_same_source && source_ != 0 && now - taken_at_ < kSourceSilence) {
-    return PoseRefusal::kOtherSource;
-  }
+  if (arm_.is_taken(pose.source, now)) return PoseRefusal::kOtherSource;
   const double norm = pose.orientation.norm();
   // negated: a NaN is refused too
   if (!pose.position_m.allFinite() || !(norm > 0.5 && norm < 2.0)) return PoseRefusal::kNoPose;
-  if ((is_frame_given_ || is_same_source) && pose.frame != frame_) return PoseRefusal::kOtherFrame;
-  if (is_same_source && pose.stamp_ns <= last_stamp_ns_) return PoseRefusal::kNotNewer;
+  const bool is_same_arm = arm_.is(pose.source);
+  if ((is_frame_given_ || is_same_arm) && pose.frame != frame_) return PoseRefusal::kOtherFrame;
+  if (arm_.is_repeated(pose.source, pose.stamp_ns)) return PoseRefusal::kNotNewer;
 
-  if (!is_same_source) frame_ = pose.frame;
-  source_ = pose.source;
-  last_stamp_ns_ = pose.stamp_ns;
-  taken_at_ = now;
+  if (!is_same_arm) frame_ = pose.frame;
+  arm_.take(pose.source, pose.stamp_ns, now);
   pose.position_m = axes_.device_from_base * (pose.position_m - axes_.center_m);
   pose.orientation = Quaternion(axes_.device_from_base) * pose.orientation.normalized();
   return PoseRefusal::kNone;

@@ -12,6 +12,7 @@
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "deploy/ros/dds/one_source.h"
 
 namespace palpate::ros {
 
@@ -51,9 +52,6 @@ inline constexpr std::size_t kPoseRefusals = 6;
 /// Of one device. One thread; no allocation but for the name of the frame.
 class PoseGate {
  public:
-  /// A source that has sent nothing acceptable for so long may be replaced by another one.
-  static constexpr Duration kSourceSilence = std::chrono::seconds(1);
-
   /// @param frame  of the poses; empty: that of the first one of a source
   PoseGate(DeviceAxes axes, std::string frame)
       : axes_(std::move(axes)), frame_(std::move(frame)), is_frame_given_(!frame_.empty()) {}
@@ -70,9 +68,7 @@ class PoseGate {
   DeviceAxes axes_;
   std::string frame_;
   bool is_frame_given_;
-  std::uint64_t source_ = 0;  // of the last pose that counted
-  std::int64_t last_stamp_ns_ = 0;
-  TimePoint taken_at_{};
+  OneSource arm_;
 };
 
 }  // namespace palpate::ros

@@ -23,42 +23,36 @@ namespace {
 constexpr Duration kReportInterval = std::chrono::milliseconds(200);
 /// Poses and forces are waited for; what ends by time is looked at so often.
 constexpr Duration kWait = std::chrono::milliseconds(5);
-constexpr double kDefaultPatience_ms = 5.0;  // of palpate_ros_device.c
+constexpr std::string_view kRemedy =
+    ": give device { plugin { library: \"palpate_ros_device.so\" options: \"socket=PATH …\" } }";
 constexpr Duration kLongestLease = std::chrono::seconds(1);
 
-/// The newest bits of each publisher of a topic.
+/// The newest bits of each publisher of a topic; of one whose fields may be others none.
+template <class T>
 class Told {
  public:
-  Told(dds_entity_t reader, const TopicType& type) : reader_(reader), type_(type) {}
+  explicit Told(Reader<T>& reader) : reader_(reader) {}
 
-  /// Of one whose fields may be others: none.
   void note(std::uint64_t source, std::uint32_t bits) {
     has_heard_ = true;
-    const auto [publisher, is_new] = publishers_.try_emplace(source);
-    if (is_new) publisher->second.is_known = Node::complaint_about(reader_, source, type_).empty();
-    publisher->second.bits = publisher->second.is_known ? bits : 0;
+    bits_[source] = reader_.is_known_type(source) ? bits : 0;
   }
-  /// The bits that all of them have; none while one of the `count` publishers was not heard yet.
-  [[nodiscard]] std::uint32_t of(std::size_t count) {
-    if (publishers_.size() != count) {
-      std::erase_if(publishers_,
-                    [&](const auto& one) { return !Node::is_there(reader_, one.first); });
+  /// The bits that all of them have; none while one of them was not heard yet.
+  [[nodiscard]] std::uint32_t of_all() {
+    const std::size_t count = reader_.writers();
+    if (bits_.size() != count) {
+      std::erase_if(bits_, [&](const auto& one) { return !is_there(reader_.get(), one.first); });
     }
-    if (count == 0 || publishers_.size() != count) return 0;
+    if (count == 0 || bits_.size() != count) return 0;
     std::uint32_t all = ~0U;
-    for (const auto& [source, publisher] : publishers_) all &= publisher.bits;
+    for (const auto& [source, bits] : bits_) all &= bits;
     return all;
   }
   [[nodiscard]] bool has_heard() const { return has_heard_; }
 
  private:
-  struct Publisher {
-    std::uint32_t bits = 0;
-    bool is_known = false;
-  };
-  dds_entity_t reader_;
-  const TopicType& type_;
-  std::map<std::uint64_t, Publisher> publishers_;
+  Reader<T>& reader_;
+  std::map<std::uint64_t, std::uint32_t> bits_;
   bool has_heard_ = false;
 };
 
@@ -86,27 +80,28 @@ class Bridge {
 
   void run() {
     std::exception_ptr error;
+    std::exception_ptr error_of_poses;
     std::jthread poses([&](const std::stop_token& stop) {
       try {
         while (!stop.stop_requested()) {
           if (node_.wait(arrivals_, kWait)) pass_poses();
         }
       } catch (...) {
-        error = std::current_exception();
+        error_of_poses = std::current_exception();
         has_failed_ = true;
       }
     });
     try {
       pass_forces();
     } catch (...) {
-      if (!error) error = std::current_exception();
-      has_failed_ = true;
+      error = std::current_exception();
     }
     poses.request_stop();
     poses.join();
     const std::scoped_lock lock(mutex_);
     force_newton_.setZero();
     publish();
+    if (error_of_poses) std::rethrow_exception(error_of_poses);
     if (error) std::rethrow_exception(error);
     context_.log.info("event=ros_device_end poses={} refused={} forces={}", counts_.poses,
                       counts_.all_refused(), counts_.forces);
@@ -184,7 +179,7 @@ class Bridge {
                       .frame = message.header.frame_id,
                       .position_m = {p.x, p.y, p.z},
                       .orientation = {q.w, q.x, q.y, q.z},
-                      .is_known_type = is_known_type(arrival.source)};
+                      .is_known_type = poses_.is_known_type(arrival.source)};
       const PoseRefusal refusal = gate_.judge(pose, now);
       if (refusal != PoseRefusal::kNone) {
         ++counts_.refused[static_cast<std::size_t>(refusal)];
@@ -227,19 +222,11 @@ class Bridge {
       pressed_.note(arrival.source, held);
       pressed_at_ = now;
     });
-    const std::size_t tellers = states_.writers();
-    is_ready_ = tellers > 0 ? enabled_.of(tellers) != 0 : !enabled_.has_heard();
+    const bool is_told = states_.writers() > 0;
+    is_ready_ = is_told ? enabled_.of_all() != 0 : !enabled_.has_heard();
     const bool is_old = options_.button_limit && now - pressed_at_ > *options_.button_limit;
-    held_ = is_old ? 0 : pressed_.of(buttons_.writers());
+    held_ = is_old ? 0 : pressed_.of_all();
   }
-  bool is_known_type(std::uint64_t source) {
-    if (source != judged_source_) {
-      judged_source_ = source;
-      is_known_ = Node::complaint_about(poses_.get(), source, TypeOf<PoseStamped>::kType).empty();
-    }
-    return is_known_;
-  }
-
   void report(TimePoint now) {
     node_.note_strangers([&](const std::string& line) {
       context_.log.warn("event=ros_stranger what=\"{}\"", line);
@@ -278,10 +265,8 @@ class Bridge {
   Writer<WrenchStamped> forces_;
   Entity arrivals_;
   // of the thread of poses
-  std::uint64_t judged_source_ = 0;
-  bool is_known_ = false;
-  Told enabled_{states_.get(), TypeOf<OperatingState>::kType};
-  Told pressed_{buttons_.get(), TypeOf<Joy>::kType};
+  Told<OperatingState> enabled_{states_};
+  Told<Joy> pressed_{buttons_};
   TimePoint pressed_at_{};
   bool is_ready_ = true;
   std::uint32_t held_ = 0;
@@ -302,48 +287,41 @@ class Bridge {
 
 }  // namespace
 
-std::string device_socket_of(const Session& session) {
-  constexpr std::string_view kRemedy =
-      ": give device { plugin { library: \"palpate_ros_device.so\" options: \"socket=PATH …\" } }";
-  const auto* plugin = std::get_if<PluginConfig>(&session.side().driver);
-  if (plugin == nullptr) {
-    throw SetupError("the device of the session is no plug-in" + std::string(kRemedy));
-  }
-  const std::string text = " " + plugin->options + " ";
-  constexpr std::string_view kKey = " socket=";
-  const std::size_t at = text.find(kKey);
-  std::string path =
-      at == std::string::npos
-          ? ""
-          : text.substr(at + kKey.size(), text.find(' ', at + kKey.size()) - at - kKey.size());
-  if (path.empty()) {
-    throw SetupError("device.plugin.options have no socket" + std::string(kRemedy));
-  }
-  return path;
-}
-
 namespace {
 
-/// What the plug-in takes for fresh, as it reads it; nothing where it will refuse it.
-double patience_ms_of(const Session& session) {
-  constexpr std::string_view kKey = " patience_ms=";
-  const std::string text = " " + std::get<PluginConfig>(session.side().driver).options;
-  const std::size_t at = text.find(kKey);
-  return at == std::string::npos ? kDefaultPatience_ms
-                                 : std::strtod(text.c_str() + at + kKey.size(), nullptr);
+/// Of a plug-in's options, "key=value key=value"; empty: not there.
+std::string option_of(const std::string& options, const std::string& key) {
+  const std::string text = " " + options + " ";
+  const std::size_t at = text.find(" " + key + "=");
+  if (at == std::string::npos) return "";
+  const std::size_t from = at + key.size() + 2;
+  return text.substr(from, text.find(' ', from) - from);
+}
+
+const std::string& device_options_of(const Session& session) {
+  const auto* plugin = std::get_if<PluginConfig>(&session.side().driver);
+  if (plugin != nullptr) return plugin->options;
+  throw SetupError("the device of the session is no plug-in" + std::string(kRemedy));
 }
 
 }  // namespace
 
 void run_ros_device(NodeContext& context, const RosDeviceOptions& options) {
-  Bridge bridge(context, options, device_socket_of(context.session));
-  const double patience_ms = patience_ms_of(context.session);
+  const std::string& plugin_options = device_options_of(context.session);
+  const std::string socket = option_of(plugin_options, "socket");
+  if (socket.empty()) {
+    throw SetupError("device.plugin.options have no socket" + std::string(kRemedy));
+  }
+  Bridge bridge(context, options, socket);
+  const std::string patience = option_of(plugin_options, "patience_ms");
+  const double patience_ms =
+      patience.empty() ? ROS_DEVICE_PATIENCE_MS : std::strtod(patience.c_str(), nullptr);
   const double latency_ms = 1e3 * to_seconds(context.session.side().device.latency);
   if (latency_ms < patience_ms) {
     context.log.warn(
         "event=latency_understated patience_ms={} latency_us={}: poses may be older than the "
-        "session "
-        "says, and the guarantee relies on it; raise device.latency_us or lower patience_ms",
+        "session says, and the guarantee relies on it; raise device.latency_us or lower "
+        "patience_ms",
         patience_ms, 1e3 * latency_ms);
   }
   bridge.run();

@@ -21,9 +21,6 @@ struct RosDeviceOptions {
   std::optional<Duration> button_limit;  ///< a button that nobody told for longer is released
 };
 
-/// The path of the socket in the options of the session's plug-in. Throws SetupError.
-[[nodiscard]] std::string device_socket_of(const Session& session);
-
 /// Runs until context.stop. Throws SetupError.
 void run_ros_device(NodeContext& context, const RosDeviceOptions& options);
 

@@ -78,7 +78,7 @@ bool RosEngine::take(TimePoint now, std::int64_t now_ns) {
                         .stamp_ns = wall_ns_of(message.header),
                         .frame = message.header.frame_id,
                         .force_newton = {force.x, force.y, force.z},
-                        .is_known_type = is_known_type(arrival.source)};
+                        .is_known_type = wrenches_.is_known_type(arrival.source)};
     const std::uint64_t source = gate_.source();
     const WrenchRefusal refusal = gate_.judge(wrench, now, now_ns, taken_);
     if (refusal != WrenchRefusal::kNone) {
@@ -92,15 +92,6 @@ bool RosEngine::take(TimePoint now, std::int64_t now_ns) {
     counts_.transit.add(Duration(std::max<std::int64_t>(now_ns - arrival.sent_ns, 0)));
   });
   return has_force;
-}
-
-bool RosEngine::is_known_type(std::uint64_t source) {
-  if (source != judged_source_) {
-    judged_source_ = source;
-    is_known_ =
-        Node::complaint_about(wrenches_.get(), source, TypeOf<WrenchStamped>::kType).empty();
-  }
-  return is_known_;
 }
 
 WrenchCounts RosEngine::counts() const {

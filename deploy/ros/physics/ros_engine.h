@@ -68,7 +68,6 @@ class RosEngine final : public physics::Engine {
 
   void send(const ToolMotion& motion, std::int64_t now_ns);
   [[nodiscard]] bool take(TimePoint now, std::int64_t now_ns);
-  [[nodiscard]] bool is_known_type(std::uint64_t source);
 
   const Clock& clock_;
   const std::string force_topic_;
@@ -81,8 +80,6 @@ class RosEngine final : public physics::Engine {
   physics::ForeignEngine estimate_;
   ToolMotion answered_;
   std::int64_t last_stamp_ns_ = 0;
-  std::uint64_t judged_source_ = 0;  // whose type was looked at last
-  bool is_known_ = false;
   std::exception_ptr error_;
 
   mutable std::mutex mutex_;  // what the thread of report() reads: these, and what gate_ has taken

@@ -67,31 +67,26 @@ const SentPose* WrenchGate::with_stamp(std::int64_t stamp_ns) const noexcept {
 WrenchRefusal WrenchGate::judge(const Wrench& wrench, TimePoint now, std::int64_t now_ns,
                                 TakenForce& taken) noexcept {
   if (!wrench.is_known_type) return WrenchRefusal::kUnknownType;
-  const bool is_same_source = wrench.source == source_;
-  if (!is_same_source && taken_at_ && now - *taken_at_ < kSourceSilence) {
-    return WrenchRefusal::kOtherSource;
-  }
+  if (source_.is_taken(wrench.source, now)) return WrenchRefusal::kOtherSource;
   if (!wrench.force_newton.allFinite()) return WrenchRefusal::kNotFinite;
   const bool is_in_tool = wrench.frame == settings_.tool_frame;
   if (!is_in_tool && wrench.frame != settings_.world_frame) return WrenchRefusal::kUnknownFrame;
   if (wrench.force_newton.norm() > settings_.max_force_newton) return WrenchRefusal::kTooLarge;
-  if (is_same_source && wrench.stamp_ns <= last_stamp_ns_) return WrenchRefusal::kNotNewer;
+  if (source_.is_repeated(wrench.source, wrench.stamp_ns)) return WrenchRefusal::kNotNewer;
 
   // which pose it answers
   const SentPose* pose = with_stamp(wrench.stamp_ns);
   const bool names_pose = pose != nullptr;
   if (!names_pose) {
-    if (is_same_source && names_poses_) return WrenchRefusal::kUnknownPose;
+    if (source_.is(wrench.source) && names_poses_) return WrenchRefusal::kUnknownPose;
     pose = newest();
     if (pose == nullptr) return WrenchRefusal::kUnknownPose;
   } else if (now_ns - wrench.stamp_ns > kOldestAnswer.count()) {
     return WrenchRefusal::kTooLate;
   }
 
-  source_ = wrench.source;
-  last_stamp_ns_ = wrench.stamp_ns;
+  source_.take(wrench.source, wrench.stamp_ns, now);
   names_poses_ = names_pose;
-  taken_at_ = now;
   taken.answers = *pose;
   taken.age.reset();
   if (names_pose) taken.age = Duration(now_ns - wrench.stamp_ns);

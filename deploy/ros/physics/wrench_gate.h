@@ -15,13 +15,12 @@
 #include <string_view>
 
 #include "common/core/messages.h"
+#include "deploy/ros/dds/one_source.h"
 
 namespace palpate::ros {
 
 /// An answer to a pose that is older is refused.
 inline constexpr Duration kOldestAnswer = std::chrono::milliseconds(200);
-/// A source that has sent nothing acceptable for so long may be replaced by another one.
-inline constexpr Duration kSourceSilence = std::chrono::seconds(1);
 
 struct WrenchSettings {
   std::string world_frame = "world";  ///< a wrench in this frame is in W
@@ -87,9 +86,9 @@ class WrenchGate {
                                     TakenForce& taken) noexcept;
 
   /// When the last force was taken; none: not yet.
-  [[nodiscard]] std::optional<TimePoint> taken_at() const noexcept { return taken_at_; }
+  [[nodiscard]] std::optional<TimePoint> taken_at() const noexcept { return source_.taken_at(); }
   /// Whose that was; 0: none yet.
-  [[nodiscard]] std::uint64_t source() const noexcept { return source_; }
+  [[nodiscard]] std::uint64_t source() const noexcept { return source_.source(); }
 
  private:
   static constexpr std::size_t kPoses = 1024;
@@ -100,10 +99,8 @@ class WrenchGate {
   WrenchSettings settings_;
   std::array<SentPose, kPoses> poses_{};  // a ring
   std::uint64_t sent_ = 0;
-  std::uint64_t source_ = 0;  // of the last force that was taken
-  std::int64_t last_stamp_ns_ = 0;
+  OneSource source_;          // of the last force that was taken
   bool names_poses_ = false;  // that source does
-  std::optional<TimePoint> taken_at_;
 };
 
 }  // namespace palpate::ros

@@ -130,4 +130,4 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
   return NULL;
 }
 
-PALPATE_VENDOR_DRIVER
+PALPATE_VENDOR_DRIVER(NULL)

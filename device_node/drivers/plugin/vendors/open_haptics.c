@@ -148,4 +148,4 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
   return d;
 }
 
-PALPATE_VENDOR_DRIVER
+PALPATE_VENDOR_DRIVER(NULL)

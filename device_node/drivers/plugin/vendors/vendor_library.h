@@ -71,8 +71,9 @@ static void limit_force(const double force_newton[3], int has_lease, double peak
   for (int i = 0; i < 3; ++i) out[i] = share * f[i];
 }
 
-/* Exports the functions open_device, close_device, read_device, apply_force and release_device. */
-#define PALPATE_VENDOR_DRIVER                                                       \
+/* Exports the functions open_device, close_device, read_device, apply_force and release_device, and
+ * `reopen_device` or NULL. */
+#define PALPATE_VENDOR_DRIVER(reopen_device)                                        \
   static void specify(const palpate_device* d, palpate_device_specification* out) { \
     const uint32_t size = out->size;                                                \
     *out = d->specification;                                                        \
@@ -88,7 +89,7 @@ static void limit_force(const double force_newton[3], int has_lease, double peak
                                                   apply_force,                      \
                                                   release_device,                   \
                                                   NULL,                             \
-                                                  NULL};                            \
+                                                  reopen_device};                   \
     return abi == PALPATE_DEVICE_ABI ? &kDriver : NULL;                             \
   }
 
