@@ -42,8 +42,10 @@ endif()
 
 find_program(PALPATE_CCACHE ccache)
 if(PALPATE_CCACHE)
-  # what ccache needs to cache a compilation with a precompiled header
-  set(launcher ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${PALPATE_CCACHE})
+  # the first is what ccache needs to cache a compilation with a precompiled header; by the others all
+  # clones and worktrees share what is compiled
+  set(launcher ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros
+               CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=1 ${PALPATE_CCACHE})
   set(CMAKE_C_COMPILER_LAUNCHER ${launcher})
   set(CMAKE_CXX_COMPILER_LAUNCHER ${launcher})
   add_compile_options($<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)
