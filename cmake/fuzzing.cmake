@@ -17,6 +17,7 @@ function(palpate_add_fuzz name)
   else()
     palpate_add_test(${name} SOURCES ${arg_SOURCES} ${PROJECT_SOURCE_DIR}/tests/fuzz/replay.cpp
                              LIBRARIES ${arg_LIBRARIES} LABELS fuzz)
+    file(RELATIVE_PATH corpus ${PROJECT_SOURCE_DIR} ${corpus})
     target_compile_definitions(${name} PRIVATE PALPATE_FUZZ_CORPUS="${corpus}")
   endif()
 endfunction()

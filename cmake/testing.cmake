@@ -46,8 +46,6 @@ function(palpate_add_test name)
                                         palpate::machine palpate_warnings palpate_test_warnings)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_compile_options(${name} PRIVATE ${test_optimization})
-  target_compile_definitions(${name} PRIVATE PALPATE_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
-                                             PALPATE_BINARY_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   if(NOT "${arg_LABELS}" MATCHES "${labels_to_run}")
     set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
     return()

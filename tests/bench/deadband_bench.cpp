@@ -14,12 +14,13 @@
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
 
 const std::filesystem::path kSessions =
-    std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions";
+    std::filesystem::path(test::source_dir()) / "deploy/sessions";
 
 struct Tissue {
   const char* label;

@@ -24,6 +24,7 @@
 #include "common/telemetry/metrics.h"
 #include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -131,7 +132,7 @@ class Nodes {
 
 // --- influence ----------------------------------------------------------------------------------
 
-constexpr const char* kDefault = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+const std::string kDefault = test::source_dir() + "/deploy/sessions/default.txtpb";
 
 struct Condition {
   const char* label;

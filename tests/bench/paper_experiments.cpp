@@ -17,12 +17,13 @@
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/paper/paper_fit.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
 
 const std::filesystem::path kSessions =
-    std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions";
+    std::filesystem::path(test::source_dir()) / "deploy/sessions";
 
 struct Controller {
   const char* label;

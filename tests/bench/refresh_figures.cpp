@@ -30,6 +30,7 @@
 #include "common/core/check.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/doc_figures.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -40,7 +41,7 @@ constexpr const char* kBegin = "<!-- figures: ";
 constexpr const char* kEnd = "<!-- end -->";
 
 struct Options {
-  fs::path root = PALPATE_SOURCE_DIR;
+  fs::path root = test::source_dir();
   bool is_check = false;
   std::vector<std::string> only;
 };
@@ -74,8 +75,8 @@ std::string machine() {
 nlohmann::json output_of(const std::string& command) {
   const fs::path json_file =
       fs::temp_directory_path() / ("palpate_figures_" + std::to_string(::getpid()) + ".json");
-  const std::string line = "cd '" PALPATE_SOURCE_DIR "' && '" PALPATE_BINARY_DIR "'/" + command +
-                           " --json '" + json_file.string() + "' > /dev/null";
+  const std::string line = "cd '" + test::source_dir() + "' && '" + test::binary_dir() + "'/" +
+                           command + " --json '" + json_file.string() + "' > /dev/null";
   const int status = std::system(line.c_str());
   const std::string text = text_of(json_file);
   fs::remove(json_file);

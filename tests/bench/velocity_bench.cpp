@@ -18,12 +18,13 @@
 #include "deploy/lockstep/loopback.h"
 #include "mofc_node/velocity_estimator.h"
 #include "tests/bench/bench_output.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
 
 const std::filesystem::path kSessions =
-    std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions";
+    std::filesystem::path(test::source_dir()) / "deploy/sessions";
 
 constexpr double kResolution_m = 55e-6;
 constexpr double kRigidDamping_newton_s_per_m = 150.0;

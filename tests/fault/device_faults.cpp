@@ -19,6 +19,7 @@
 #include "device_node/emulators/hapi_emulator.h"
 #include "device_node/emulators/haply_emulator.h"
 #include "device_node/emulators/wooden_emulator.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/wired/acknowledge.h"
@@ -75,10 +76,9 @@ class DeviceFaults : public testing::Test {
   /// @param setting  connects the session with the emulator
   void run_rows(const std::string& device, device::EmulatedDevice& emulated,
                 const std::string& setting, Duration watchdog = kMotorWatchdog) {
-    Program launch(
-        "palpate",
-        {"launch", std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + device + ".txtpb", "--set",
-         setting, "--set", "device.accept=NO_MOTOR_WATCHDOG", "--no-viewer"});
+    Program launch("palpate",
+                   {"launch", test::source_dir() + "/deploy/sessions/" + device + ".txtpb", "--set",
+                    setting, "--set", "device.accept=NO_MOTOR_WATCHDOG", "--no-viewer"});
     const pid_t node = std::stoi(launch.await_err("event=node_started node=device pid="));
     int resets = 0;
     ASSERT_TRUE(is_enabled(launch)) << launch.err();
@@ -117,7 +117,7 @@ class DeviceFaults : public testing::Test {
   template <class Config>
   static Config config_of(const std::string& device) {
     return std::get<Config>(
-        load_session(PALPATE_SOURCE_DIR "/deploy/sessions/" + device + ".txtpb").side().driver);
+        load_session(test::source_dir() + "/deploy/sessions/" + device + ".txtpb").side().driver);
   }
 
   RunFolder run_folder_;

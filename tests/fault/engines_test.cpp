@@ -13,6 +13,7 @@
 #include "common/session/session_file.h"
 #include "tests/support/hostile/raw_zmtp.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -31,7 +32,7 @@ using testing::HasSubstr;
 constexpr double kFeltNewton = 0.15;
 
 std::string session_file(const std::string& name) {
-  return PALPATE_SOURCE_DIR "/deploy/sessions/engines/" + name + ".txtpb";
+  return test::source_dir() + "/deploy/sessions/engines/" + name + ".txtpb";
 }
 
 bool is_felt(const TickRow& row) { return is_fresh(row) && newton(row) > kFeltNewton; }

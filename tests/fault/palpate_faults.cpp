@@ -37,6 +37,7 @@
 #include "tests/support/encoded_frame.h"
 #include "tests/support/hostile/raw_zmtp.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/peak_memory.h"
 #include "tests/support/port.h"
 #include "tests/support/run_folder.h"
@@ -740,7 +741,7 @@ TEST_F(Faults, AFileSizeLimitEndsTheRecordingAndNothingElse) {
 TEST_F(Faults, AJumpingWallClockDoesNotDisturb) {
   const test::TempFolder folder;
   const std::string file = (folder.path() / "run.mcap").string();
-  setenv("LD_PRELOAD", PALPATE_BINARY_DIR "/libwall_clock_steps.so", 1);
+  setenv("LD_PRELOAD", (test::binary_dir() + "/libwall_clock_steps.so").c_str(), 1);
   session_.emplace("pressing", std::vector<std::string>{"--no-viewer", "--record", file});
   unsetenv("LD_PRELOAD");
   ASSERT_TRUE(session_->until_pressing());

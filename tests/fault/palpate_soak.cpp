@@ -28,6 +28,7 @@
 #include "common/process/process_links.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/metrics.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -157,7 +158,7 @@ class Soak : public testing::Test {
     kill(process->second, SIGCONT);
   }
 
-  static constexpr const char* kSession = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  static inline const std::string kSession = test::source_dir() + "/deploy/sessions/default.txtpb";
   static constexpr std::array kNodes{"physics", "mofc", "device", "viewer"};
 
   test::RunFolder run_folder_;

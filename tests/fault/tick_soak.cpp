@@ -28,6 +28,7 @@
 #include "mofc_node/process.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/machine/lock_watch.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 
@@ -136,7 +137,7 @@ class TickSoak : public testing::Test {
 
   /// As device_node would be started.
   void run(const char* name, const std::function<void(NodeContext&)>& body) const {
-    const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+    const std::string session = test::source_dir() + "/deploy/sessions/default.txtpb";
     std::vector<std::string> arguments{"tick_soak",
                                        "--session",
                                        session,

@@ -9,15 +9,19 @@
 #include <iterator>
 #include <vector>
 
+#include "tests/support/machine/places.h"
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 TEST(FuzzCorpus, EveryInputIsHandled) {
+  const std::filesystem::path corpus =
+      std::filesystem::path(palpate::test::source_dir()) / PALPATE_FUZZ_CORPUS;
   std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(PALPATE_FUZZ_CORPUS)) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(corpus)) {
     if (entry.is_regular_file()) files.push_back(entry.path());
   }
   std::sort(files.begin(), files.end());
-  ASSERT_FALSE(files.empty()) << "no corpus in " << PALPATE_FUZZ_CORPUS;
+  ASSERT_FALSE(files.empty()) << "no corpus in " << corpus;
 
   for (const std::filesystem::path& path : files) {
     SCOPED_TRACE(path);

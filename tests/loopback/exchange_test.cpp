@@ -20,6 +20,7 @@
 #include "common/link/exchange_server.h"
 #include "common/session/session_file.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/random_messages.h"
 #include "tests/support/resting_press.h"
@@ -297,7 +298,7 @@ TEST_F(Together, OtherNodesCannotShareAProcess) {
 
 TEST_F(Together, FourKilohertzAreAnswered) {
   const test::QuietMachine machine;
-  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  const std::string session = test::source_dir() + "/deploy/sessions/default.txtpb";
 
   const Outcome launch = run_program(
       "palpate", {"launch", session, "--together", "device,mofc", "--no-viewer", "--seconds", "4",

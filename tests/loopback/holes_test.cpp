@@ -13,6 +13,7 @@
 #include "common/session/session_file.h"
 #include "deploy/lockstep/lockstep.h"
 #include "deploy/lockstep/loopback.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate {
 namespace {
@@ -20,7 +21,8 @@ namespace {
 RunStatistics run(const std::string& name, const std::vector<std::string>& overrides,
                   double seconds) {
   const Session session = load_session(
-      std::filesystem::path(PALPATE_SOURCE_DIR "/deploy/sessions") / (name + ".txtpb"), overrides);
+      std::filesystem::path(test::source_dir() + "/deploy/sessions") / (name + ".txtpb"),
+      overrides);
   return run_loopback(session, {.seconds = seconds}).statistics;
 }
 

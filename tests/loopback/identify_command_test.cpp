@@ -20,6 +20,7 @@
 #include "deploy/lockstep/lockstep.h"
 #include "deploy/palpate/identify.h"
 #include "device_node/drivers/driver_registry.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -49,8 +50,7 @@ class IdentifyCommand : public ::testing::Test {
   }
 
   [[nodiscard]] Outcome identify(const std::string& arguments) const {
-    const std::string command =
-        std::string(PALPATE_BINARY_DIR) + "/palpate identify " + arguments + " 2>&1";
+    const std::string command = test::binary_dir() + "/palpate identify " + arguments + " 2>&1";
     Outcome outcome;
     FILE* pipe = ::popen(command.c_str(), "r");  // NOLINT(cert-env33-c): the program under test
     if (pipe == nullptr) return outcome;

@@ -20,6 +20,7 @@
 #include "common/telemetry/telemetry_publisher.h"
 #include "deploy/lockstep/loopback.h"
 #include "physics_node/display/scene_display.h"
+#include "tests/support/machine/places.h"
 #include "viewer_node/feed/scene_mirror.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 
@@ -38,12 +39,11 @@ scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
 )";
 
 Session parsed(const std::string& text, const std::vector<std::string>& overrides = {}) {
-  return parse_session(text, "test.txtpb", overrides, PALPATE_SOURCE_DIR);
+  return parse_session(text, "test.txtpb", overrides, test::source_dir());
 }
 
 Session shipped(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/" + name + ".txtpb",
-                      overrides);
+  return load_session(test::source_dir() + "/deploy/sessions/" + name + ".txtpb", overrides);
 }
 
 struct Recording {

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "common/session/session_file.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/resting_press.h"
@@ -44,7 +45,7 @@ realtime { priority: 0 cpu: -1 }
 viewer { status_interval_ms: 50 }
 )";
 
-constexpr const char* kDefault = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+const std::string kDefault = test::source_dir() + "/deploy/sessions/default.txtpb";
 
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
@@ -743,7 +744,7 @@ TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {
 }
 
 TEST_F(Processes, SceneCheckTellsWhatAGripperTakes) {
-  const std::string retract = PALPATE_SOURCE_DIR "/deploy/sessions/retract.txtpb";
+  const std::string retract = test::source_dir() + "/deploy/sessions/retract.txtpb";
   const Outcome good = run_program("palpate", {"scene", "check", "-q", retract});
   EXPECT_EQ(good.status, 0) << good.err;
   EXPECT_THAT(good.out, HasSubstr("  gripper: takes "));

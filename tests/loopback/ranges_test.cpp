@@ -17,6 +17,7 @@
 #include "common/session/session_file.h"
 #include "deploy/lockstep/lockstep.h"
 #include "palpate/v1/session.pb.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate {
 namespace {
@@ -47,7 +48,7 @@ void expect_understood(Session session, Duration length) {
 }
 
 TEST(Ranges, NoShippedSessionIsRefused) {
-  for (const auto& entry : fs::directory_iterator(PALPATE_SOURCE_DIR "/deploy/sessions")) {
+  for (const auto& entry : fs::directory_iterator(test::source_dir() + "/deploy/sessions")) {
     if (entry.path().extension() != ".txtpb") continue;
     SCOPED_TRACE(entry.path().filename());
     const Session session = load_session(entry.path());

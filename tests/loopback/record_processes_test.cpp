@@ -21,6 +21,7 @@
 #include "common/link/zmq_sender.h"
 #include "common/process/run_host.h"
 #include "common/session/session_file.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -214,7 +215,7 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
 // The page's own subscription begins it; there is no other viewer.
 TEST_F(RecordProcesses, OfWhichNothingCanBeReadAreRefusedByReplay) {
   const std::string whole = path("whole.mcap");
-  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  const std::string session = test::source_dir() + "/deploy/sessions/default.txtpb";
   ASSERT_EQ(
       run_program("palpate", {"loopback", session, "--seconds", "0.5", "--record", whole}).status,
       0);

@@ -19,6 +19,7 @@
 #include "deploy/lockstep/loopback.h"
 #include "deploy/lockstep/recompute.h"
 #include "deploy/palpate/recordings/recording_info.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "viewer_node/recording/recording_file.h"
 #include "viewer_node/recording/report.h"
@@ -31,8 +32,7 @@ using testing::Not;
 
 Session shipped(const std::vector<std::string>& overrides = {},
                 const std::string& name = "default") {
-  return load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/" + name + ".txtpb",
-                      overrides);
+  return load_session(test::source_dir() + "/deploy/sessions/" + name + ".txtpb", overrides);
 }
 
 std::string bytes_of(const std::string& path) {

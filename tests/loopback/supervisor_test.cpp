@@ -37,6 +37,7 @@
 #include "deploy/launch/launch.h"
 #include "deploy/launch/run_folder.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 
@@ -58,7 +59,7 @@ class Launch : public testing::Test {
  protected:
   Launch() {
     for (const char* name : {"physics_node", "mofc_node", "device_node", "viewer_node"}) {
-      fs::create_symlink(fs::path(PALPATE_BINARY_DIR) / "fake_node", folder_ / name);
+      fs::create_symlink(fs::path(test::binary_dir()) / "fake_node", folder_ / name);
     }
     files_.write("session.txtpb", "name: \"" + session_name_ + "\"\n");
     EXPECT_EQ(mkfifo((folder_ / "events").c_str(), 0600), 0);

@@ -14,6 +14,7 @@
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/disturbed/disturbed_scenes.h"
 #include "tests/bench/tissue_scenes.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/random_messages.h"
 #include "tests/support/temp_folder.h"
 
@@ -35,7 +36,7 @@ const Overrides kLossy = {"physics.rate_hz=50", "faults.tool_motion.loss_ratio=0
 
 RunStatistics run_liver(const Overrides& overrides) {
   const Session session =
-      load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/liver.txtpb", overrides);
+      load_session(test::source_dir() + "/deploy/sessions/liver.txtpb", overrides);
   return run_loopback(session, {.seconds = 5.0}).statistics;
 }
 
@@ -134,8 +135,7 @@ TEST(DescribedTissue, ItsMotionAndRelaxationAreThoseOfTheUndisturbedRun) {
 TEST(HostileSurface, NeverReachesTheHandsEnergy) {
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
-    Session session =
-        load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/liver.txtpb", {});
+    Session session = load_session(test::source_dir() + "/deploy/sessions/liver.txtpb", {});
     Random random(seed);
     LockstepOptions options;
     options.tamper_with_interaction = [&](Interaction& interaction) {

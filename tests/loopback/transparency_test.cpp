@@ -16,6 +16,7 @@
 #include "deploy/lockstep/lockstep.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/tissue_scenes.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/parameter_words.h"
 
 namespace palpate {
@@ -217,7 +218,7 @@ class PoorDevices : public testing::TestWithParam<Poor> {};
 TEST_P(PoorDevices, RenderWhatTheirCreditCovers) {
   const Poor& poor = GetParam();
   const Session session = load_session(
-      std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions" / poor.session, poor.overrides);
+      std::filesystem::path(test::source_dir()) / "deploy/sessions" / poor.session, poor.overrides);
   const RunStatistics run = run_loopback(session, {.seconds = 10.0}).statistics;
   EXPECT_GE(run.ideal_transparency(), poor.transparency);
   EXPECT_LE(run.excess_reversals(), poor.excess_reversals);

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "common/session/session_file.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -121,7 +122,7 @@ TEST_F(TwoHands, TouchTheSameTissueEachWithItsOwnForce) {
 
 // Each hand has a clamp of its own.
 TEST_F(TwoHands, TheShippedSessionIsPassiveForBoth) {
-  const std::string shipped = PALPATE_SOURCE_DIR "/deploy/sessions/two_hands.txtpb";
+  const std::string shipped = test::source_dir() + "/deploy/sessions/two_hands.txtpb";
   Program launch("palpate", {"launch", shipped, "--json", file("run.json"), "--no-viewer"});
   Watcher watcher(load_session(shipped), links_);
   const auto was_felt = [&](Side side) {

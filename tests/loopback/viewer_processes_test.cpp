@@ -14,6 +14,7 @@
 #include "common/link/codec/codec.h"
 #include "common/link/zmq_source.h"
 #include "common/session/session_file.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -206,7 +207,7 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
 // kept.
 TEST_F(ViewerProcesses, AnElasticBodyIsFeltAndDeformsAsComputed) {
   const test::QuietMachine machine;
-  file_ = std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/block_with_tumour.txtpb";
+  file_ = test::source_dir() + "/deploy/sessions/block_with_tumour.txtpb";
   launch({"--set", "viewer.web.port=0", "--set", "scene.tissue[0].elastic.linear_elements=true"});
   ProcessLinks links({.priority = 0, .cpu = -1});
   Watcher watcher(load_session(file_), links);

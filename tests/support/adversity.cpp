@@ -10,12 +10,13 @@
 #include "deploy/campaign/hostile_design.h"
 #include "deploy/lockstep/adversary.h"
 #include "deploy/lockstep/loopback.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::test {
 
 AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   Session session =
-      load_session(PALPATE_SOURCE_DIR "/deploy/sessions/hostile.txtpb", run.overrides);
+      load_session(test::source_dir() + "/deploy/sessions/hostile.txtpb", run.overrides);
   session.seed = seed;
   LockstepOptions options{.links = run.links, .has_ideal = false};
   options.make_device = run.make_device;

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::test {
 namespace {
@@ -25,7 +26,7 @@ constexpr auto kPollInterval = std::chrono::milliseconds(2);
 
 Program::Program(const std::string& name, const std::vector<std::string>& arguments, int network)
     : name_(name) {
-  const std::string path = (fs::path(PALPATE_BINARY_DIR) / name).string();
+  const std::string path = (fs::path(test::binary_dir()) / name).string();
   const std::string out = (folder_.path() / "out").string();
   const std::string err = (folder_.path() / "err").string();
   std::vector<char*> argv{const_cast<char*>(path.c_str())};

@@ -10,6 +10,7 @@
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/tissue_scenes.h"
 #include "tests/support/black_box/black_box.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -60,7 +61,7 @@ std::vector<Scene> scenes() {
                    scene.seconds});
   }
   for (const char* file : {"default", "liver"}) {
-    const std::string path = std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + file + ".txtpb";
+    const std::string path = test::source_dir() + "/deploy/sessions/" + file + ".txtpb";
     all.push_back({file,
                    [path](const std::vector<std::string>& overrides) {
                      return load_session(path, overrides);

@@ -28,6 +28,7 @@
 #include "tests/bench/bench_output.h"
 #include "tests/bench/controllers/contenders.h"
 #include "tests/bench/controllers/step_times.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -195,7 +196,7 @@ void compute(std::vector<Run>& runs) {
       for (std::size_t i = next++; i < runs.size(); i = next++) {
         Run& run = runs[i];
         const Session session =
-            load_session(std::filesystem::path(PALPATE_SOURCE_DIR) / kSession, run.overrides);
+            load_session(std::filesystem::path(test::source_dir()) / kSession, run.overrides);
         LoopbackOptions options;
         // the hostile hand has no ideal path
         options.lockstep.has_ideal = run.hand == kCalm.label;

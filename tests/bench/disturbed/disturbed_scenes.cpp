@@ -17,6 +17,7 @@
 #include "physics_node/files/surface_files.h"
 #include "physics_node/surfaces/subdivision.h"
 #include "tests/bench/tissue_scenes.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -223,8 +224,8 @@ constexpr const char* kMaterial =
     "kelvin_voigt { stiffness_newton_per_m: 300 damping_newton_s_per_m: 1 }";
 constexpr const char* kBlock = "box { center_m { z: -0.02 } size_m { x: 0.12 y: 0.12 z: 0.04 } }";
 constexpr const char* kTip = "tip_radius_m: 0.003";
-constexpr const char* kOrganCloud =
-    "point_cloud { file: \"" PALPATE_SOURCE_DIR "/deploy/sessions/organ.ply\" }";
+const std::string kOrganCloud =
+    "point_cloud { file: \"" + test::source_dir() + "/deploy/sessions/organ.ply\" }";
 constexpr double kOrganCloudTop_m[] = {0.012, 0.004, 0.024};
 
 struct Hand {
@@ -278,7 +279,7 @@ std::string with(const std::string& fields) {
 
 std::vector<DisturbedScene> disturbed_scenes(const test::TempFolder& folder,
                                              const std::vector<std::string>& meshes) {
-  const std::string sessions = PALPATE_SOURCE_DIR "/deploy/sessions/";
+  const std::string sessions = test::source_dir() + "/deploy/sessions/";
   const Vector3 cloud_top_m(kOrganCloudTop_m[0], kOrganCloudTop_m[1], kOrganCloudTop_m[2]);
   const Surface organ = of_tetrahedra(sessions + "organ.msh", "organ (liver)", false);
   const Surface fine = of_triangles(folder, "fine organ", fine_organ(), 0.07);

@@ -11,6 +11,7 @@
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/disturbed/disturbed.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -170,9 +171,10 @@ void run_disturbed_sessions(const BenchOptions& options) {
   for (const char* const name : kSessions) {
     std::optional<RunStatistics> undisturbed;
     for (const Disturbance& disturbance : all) {
-      Session session = load_session(std::filesystem::path(PALPATE_SOURCE_DIR "/deploy/sessions") /
-                                         fmt::format("{}.txtpb", name),
-                                     disturbance.overrides);
+      Session session =
+          load_session(std::filesystem::path(test::source_dir() + "/deploy/sessions") /
+                           fmt::format("{}.txtpb", name),
+                       disturbance.overrides);
       for (LinkFaults* faults : {&session.faults.tool_motion, &session.faults.interaction}) {
         faults->windows.insert(faults->windows.end(), disturbance.windows.begin(),
                                disturbance.windows.end());

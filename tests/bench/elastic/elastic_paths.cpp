@@ -34,6 +34,7 @@
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/delayed_force.h"
 #include "tests/bench/elastic/elastic_rows.h"
+#include "tests/support/machine/places.h"
 
 namespace {
 
@@ -86,7 +87,7 @@ class Paths {
   explicit Paths(const std::filesystem::path& folder) : folder_(folder) {}
 
   [[nodiscard]] std::vector<Path> all() {
-    const std::string sessions = std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/";
+    const std::string sessions = test::source_dir() + "/deploy/sessions/";
     const std::string block = sessions + "block_with_tumour.txtpb";
     const std::string liver = sessions + "liver_elastic.txtpb";
     const Vector3 on_block(0.003, 0.002, 0.05);

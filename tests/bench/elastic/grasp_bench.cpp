@@ -24,6 +24,7 @@
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/delayed_force.h"
 #include "tests/bench/elastic/elastic_rows.h"
+#include "tests/support/machine/places.h"
 
 namespace {
 
@@ -164,8 +165,7 @@ int main(int argc, char** argv) {
   app.add_option("--trace", trace_file,
                  "File for the last path: tick, force [N], reference [N], state of the jaws");
   return bench::run_bench(app, options, argc, argv, [&] {
-    SceneConfig base =
-        load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/retract.txtpb").scene;
+    SceneConfig base = load_session(test::source_dir() + "/deploy/sessions/retract.txtpb").scene;
     if (!mesh.empty()) std::get<FileGeometry>(base.tissues.front().geometry).file = mesh;
     if (options.is_quick) std::get<ElasticMaterial>(base.tissues.front().material).is_linear = true;
     Table table({{"path", "path", ""},

@@ -37,6 +37,7 @@
 #include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/exchange/echo_links.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/run_folder.h"
 
 namespace palpate::bench {
@@ -624,7 +625,7 @@ plot 'exchange.txt' using 2:xtic(1) title 'p50', '' using 3 title 'p99', '' usin
 
 void run(const BenchOptions& options) {
   const test::RunFolder folder;  // the endpoints of the nodes and echoes
-  const Deployment deployment(fs::path(PALPATE_SOURCE_DIR) / "deploy/sessions/default.txtpb",
+  const Deployment deployment(fs::path(test::source_dir()) / "deploy/sessions/default.txtpb",
                               folder.path());
   const bool has_fifo = may_use_fifo(kOneProcessor.priority);
   if (!has_fifo) {

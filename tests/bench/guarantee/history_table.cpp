@@ -12,6 +12,7 @@
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/guarantee/adverse_rows.h"
 #include "tests/bench/guarantee/guarantee_tables.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -77,7 +78,7 @@ Table history_table(bool is_quick, const std::vector<std::string>& more_override
     const double free_s = row.free_s + kPhysicsPeriodSeconds * static_cast<double>(phase) /
                                            static_cast<double>(row.runs.size());
     const std::filesystem::path sessions =
-        std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions";
+        std::filesystem::path(test::source_dir()) / "deploy/sessions";
     std::vector<std::string> overrides = row.rates->overrides;
     append(overrides, row.mode->overrides);
     append(overrides, {fmt::format("hand.v.free_motion_s={}", free_s)});

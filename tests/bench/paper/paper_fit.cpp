@@ -22,6 +22,7 @@
 #include "common/core/user/temp_folder.h"
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -119,7 +120,7 @@ void compute(std::vector<Trial*>& trials) {
         Trial& trial = *trials[i];
         const auto table = scratch.next();
         const Session session = load_session(
-            std::filesystem::path(PALPATE_SOURCE_DIR) / trial.session, trial.overrides);
+            std::filesystem::path(test::source_dir()) / trial.session, trial.overrides);
         trial.contact.statistics = run_loopback(session, {.csv_file = table.string()}).statistics;
         read_samples(table, trial.contact);
         std::filesystem::remove(table);

@@ -20,6 +20,7 @@
 #include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/realtime/open_page.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/network/two_networks.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -35,7 +36,7 @@ using test::Watcher;
 using namespace std::chrono_literals;
 
 std::string file_of(const std::string& session) {
-  return fmt::format(PALPATE_SOURCE_DIR "/deploy/sessions/{}.txtpb", session);
+  return fmt::format("{}/deploy/sessions/{}.txtpb", test::source_dir(), session);
 }
 
 // --- what was measured --------------------------------------------------------------------------

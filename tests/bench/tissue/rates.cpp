@@ -10,6 +10,7 @@
 
 #include "physics_node/library/palpate_tissue.hpp"
 #include "tests/bench/elastic/elastic_rows.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::bench {
 namespace {
@@ -41,7 +42,7 @@ struct Case {
 };
 
 std::vector<Case> cases() {
-  const std::string folder = PALPATE_SOURCE_DIR "/deploy/sessions/";
+  const std::string folder = test::source_dir() + "/deploy/sessions/";
   return {{"default", folder + "default.txtpb", {0.0, 0.0, 0.003}},
           {"block_with_tumour", folder + "block_with_tumour.txtpb", {0.0, 0.0, 0.006}}};
 }

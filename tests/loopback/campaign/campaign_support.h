@@ -12,15 +12,16 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate::test {
 
 /// Two cells of 80 hostile runs of 1 s: a second or two of computing.
-inline constexpr const char* kSmallCampaign = R"(
+inline const std::string kSmallCampaign = R"(
 name: "small"
-session: ")" PALPATE_SOURCE_DIR R"(/deploy/sessions/hostile.txtpb"
+session: ")" + test::source_dir() + R"(/deploy/sessions/hostile.txtpb"
 seconds: 1
 hostile {}
 runs: 80

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "tests/loopback/campaign/campaign_support.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/text.h"
 
 namespace palpate {
@@ -132,7 +133,7 @@ TEST_F(Sweep, TheFirstViolationEndsItAndItsLineRepeatsIt) {
   ASSERT_NE(begin, std::string::npos);
   const std::string line = outcome.out.substr(begin, outcome.out.find('\n', begin) - begin);
   const Outcome repeated =
-      run_program("/bin/sh", {"-c", PALPATE_BINARY_DIR "/" + line + " -q --no-ideal --json -"});
+      run_program("/bin/sh", {"-c", test::binary_dir() + "/" + line + " -q --no-ideal --json -"});
   const std::string rows = text_of(path("stop.json"));
   const auto last = nlohmann::json::parse(rows.substr(rows.rfind('\n', rows.size() - 2) + 1));
   EXPECT_TRUE(last.at("violates").get<bool>());
@@ -183,7 +184,7 @@ TEST_F(Sweep, TheTableAndItsJsonLinesSayTheSame) {
 TEST_F(Sweep, ReportDrawsMapsOfCells) {
   campaign_ = files_.write("map.txtpb", R"(
 name: "map"
-session: ")" PALPATE_SOURCE_DIR R"(/deploy/sessions/hostile.txtpb"
+session: ")" + test::source_dir() + R"(/deploy/sessions/hostile.txtpb"
 seconds: 0.1
 vary { name: "rate" field: "physics.rate_hz" values { value: "50" value: "1000" } }
 vary { name: "stiffness" field: "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m"
@@ -243,7 +244,7 @@ TEST_F(Sweep, AFolderBelongsToOneCampaignAndATableIsNotReplaced) {
 // --- adversary ----------------------------------------------------------------------------------
 
 TEST_F(Sweep, AdversaryIsForLockstepOnlyUnlessItIsLeftOut) {
-  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/hostile.txtpb";
+  const std::string session = test::source_dir() + "/deploy/sessions/hostile.txtpb";
   const std::vector<std::string> attack{"--set", "adversary.physics=push_along"};
   for (const char* node : {"device_node", "mofc_node", "physics_node"}) {
     const Outcome refused = run_program(node, {"--session", session, attack[0], attack[1]});
@@ -351,7 +352,7 @@ TEST_F(SweepOfFiles, AFolderIsRefusedOnceTheLibraryOfControllersHasChanged) {
   std::filesystem::create_directories(prefix / "bin");
   std::filesystem::create_directories(prefix / "lib/palpate");
   for (const char* file : {"bin/palpate_tools", "lib/palpate/palpate_rivals.so"}) {
-    std::filesystem::copy_file(std::filesystem::path(PALPATE_BINARY_DIR) / ".." / file,
+    std::filesystem::copy_file(std::filesystem::path(test::binary_dir()) / ".." / file,
                                prefix / file);
   }
   const std::vector<std::string> arguments{"sweep", path("files.txtpb"), "--folder",

@@ -25,6 +25,7 @@
 #include "deploy/conform/conform_device.h"
 #include "device_node/conformance/device_checks.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/scripted_device.h"
 #include "tests/support/temp_folder.h"
@@ -78,9 +79,9 @@ class Conform {
   std::unique_ptr<Program> program_;
 };
 
-const std::string kDefaultSession = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+const std::string kDefaultSession = test::source_dir() + "/deploy/sessions/default.txtpb";
 
-std::string bin(const char* name) { return std::string(PALPATE_BINARY_DIR "/") + name; }
+std::string bin(const char* name) { return test::binary_dir() + "/" + name; }
 
 TEST(ConformPhysics, AProgramThatCannotBeStartedIsNamedAfterOptionsWithSeveralValues) {
   Program conform("palpate", {"conform", "physics", "--press", "0", "0", "-0.004", "--", "./none",
@@ -174,7 +175,7 @@ TEST(ConformPhysics, NamesEnergyTheOtherWayRoundAndASideThatIsNotAnswered) {
     runs[fault] = std::make_unique<Conform>(std::vector<std::string>{
         "physics", "--", bin("wrong_physics"), fault, "--session", "{session}"});
   }
-  const std::string two_hands = PALPATE_SOURCE_DIR "/deploy/sessions/two_hands.txtpb";
+  const std::string two_hands = test::source_dir() + "/deploy/sessions/two_hands.txtpb";
   runs["sides"] = std::make_unique<Conform>(
       std::vector<std::string>{"physics", "--session", two_hands, "--", bin("wrong_physics"),
                                "sides", "--session", "{session}"});

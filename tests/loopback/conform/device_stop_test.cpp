@@ -14,6 +14,7 @@
 #include "common/core/clock.h"
 #include "deploy/conform/conform_device.h"
 #include "device_node/drivers/driver_registry.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 
@@ -23,7 +24,7 @@ namespace {
 using test::Program;
 using ::testing::HasSubstr;
 
-const std::string kSession = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+const std::string kSession = test::source_dir() + "/deploy/sessions/default.txtpb";
 const std::string kLibrary = "device.plugin.library=" PALPATE_BOARD_DEVICE;
 
 /// What board_device.c keeps of its motors.

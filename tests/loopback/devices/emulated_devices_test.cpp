@@ -16,6 +16,7 @@
 
 #include "common/process/process_links.h"
 #include "common/session/session_file.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -32,11 +33,11 @@ using test::Program;
 using test::TempFolder;
 using testing::HasSubstr;
 
-const std::string kDefaultSession = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
-const std::string kHaplySession = PALPATE_SOURCE_DIR "/deploy/sessions/haply.txtpb";
-const std::string kHapiSession = PALPATE_SOURCE_DIR "/deploy/sessions/hapi.txtpb";
-const std::string kFalconSession = PALPATE_SOURCE_DIR "/deploy/sessions/falcon.txtpb";
-const std::string kWoodenSession = PALPATE_SOURCE_DIR "/deploy/sessions/wooden.txtpb";
+const std::string kDefaultSession = test::source_dir() + "/deploy/sessions/default.txtpb";
+const std::string kHaplySession = test::source_dir() + "/deploy/sessions/haply.txtpb";
+const std::string kHapiSession = test::source_dir() + "/deploy/sessions/hapi.txtpb";
+const std::string kFalconSession = test::source_dir() + "/deploy/sessions/falcon.txtpb";
+const std::string kWoodenSession = test::source_dir() + "/deploy/sessions/wooden.txtpb";
 
 /// Forces that a hand feels: the emulated motors end none by themselves.
 const std::string kAccepted = "device.accept=NO_MOTOR_WATCHDOG";
@@ -218,7 +219,7 @@ TEST_F(EmulatedDevices, AClientInAnotherLanguageIsServedAsDocumented) {
   emulator.await_err("emulates the device at");
 
   const Outcome client = test::run_program(
-      "/usr/bin/python3", {PALPATE_SOURCE_DIR "/tests/loopback/devices/haply_client.py",
+      "/usr/bin/python3", {test::source_dir() + "/tests/loopback/devices/haply_client.py",
                            setting.substr(setting.find('=') + 1)});
 
   EXPECT_EQ(client.status, 0) << client.err;

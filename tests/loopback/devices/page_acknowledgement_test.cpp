@@ -12,6 +12,7 @@
 #include <string>
 
 #include "common/link/codec/codec.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -26,7 +27,7 @@ using test::Program;
 using test::WebClient;
 using testing::HasSubstr;
 
-const std::string kSession = PALPATE_SOURCE_DIR "/deploy/sessions/haply.txtpb";
+const std::string kSession = test::source_dir() + "/deploy/sessions/haply.txtpb";
 const std::string kToken = "0123456789abcdef0123";
 constexpr std::uint8_t kDevice = 3;  // channel of viewer_node
 constexpr auto kAdvertise = R"({"op":"advertise","channels":[{"id":1,"topic":"/acknowledgement",)"

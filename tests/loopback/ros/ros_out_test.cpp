@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tests/loopback/ros/ros_support.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/resting_press.h"
 #include "tests/support/run_folder.h"
@@ -184,7 +185,7 @@ TEST_F(RosOut, HelpIsThatOfTheProgramAndABuildWithoutSaysWhatToDo) {
   EXPECT_THAT(help.out, HasSubstr("--every-tick"));
 
   const std::string alone = (files_.path() / "palpate_tools").string();
-  std::filesystem::create_hard_link(std::string(PALPATE_BINARY_DIR) + "/palpate_tools", alone);
+  std::filesystem::create_hard_link(test::binary_dir() + "/palpate_tools", alone);
   const test::Outcome without = test::run_program(alone, {"ros", "--session", file_});
   EXPECT_EQ(without.status, 2);
   EXPECT_THAT(without.err, HasSubstr("-DPALPATE_ROS=ON"));
@@ -193,8 +194,8 @@ TEST_F(RosOut, HelpIsThatOfTheProgramAndABuildWithoutSaysWhatToDo) {
 /// Shared libraries that a program loads, by the loader itself.
 std::string libraries_of(const std::string& program) {
   std::string text;
-  std::FILE* pipe =
-      popen(("LD_TRACE_LOADED_OBJECTS=1 '" PALPATE_BINARY_DIR "/" + program + "'").c_str(), "r");
+  std::FILE* pipe = popen(
+      ("LD_TRACE_LOADED_OBJECTS=1 '" + test::binary_dir() + "/" + program + "'").c_str(), "r");
   if (pipe == nullptr) return text;
   for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) text += static_cast<char>(c);
   pclose(pipe);

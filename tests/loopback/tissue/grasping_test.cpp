@@ -10,6 +10,7 @@
 
 #include "common/session/session_file.h"
 #include "deploy/lockstep/lockstep.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate {
 namespace {
@@ -17,8 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 
 Session shipped(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/" + name + ".txtpb",
-                      overrides);
+  return load_session(test::source_dir() + "/deploy/sessions/" + name + ".txtpb", overrides);
 }
 
 struct Recording {

@@ -13,6 +13,7 @@
 #include "deploy/lockstep/lockstep.h"
 #include "physics_node/library/palpate_tissue.hpp"
 #include "physics_node/scene_engine.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate {
 namespace {
@@ -49,8 +50,7 @@ class NotingEngine final : public physics::Engine {
 std::vector<std::string> shipped_sessions() {
   std::vector<std::string> files;
   for (const char* const folder : {"/deploy/sessions", "/deploy/sessions/tasks"}) {
-    for (const auto& entry :
-         std::filesystem::directory_iterator(std::string(PALPATE_SOURCE_DIR) + folder)) {
+    for (const auto& entry : std::filesystem::directory_iterator(test::source_dir() + folder)) {
       if (entry.path().extension() == ".txtpb") files.push_back(entry.path().string());
     }
   }

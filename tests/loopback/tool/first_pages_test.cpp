@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -47,8 +48,8 @@ bool is_left_out(const std::string& command) {
 class FirstPage : public testing::TestWithParam<const char*> {};
 
 TEST_P(FirstPage, ItsCommandsWork) {
-  const fs::path root = PALPATE_SOURCE_DIR;
-  const fs::path programs = PALPATE_BINARY_DIR;
+  const fs::path root = test::source_dir();
+  const fs::path programs = test::binary_dir();
   const test::TempFolder folder;
   fs::create_directory(folder.path() / "build");
   fs::create_directory_symlink(programs.parent_path(), folder.path() / "build/release");

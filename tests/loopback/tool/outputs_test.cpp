@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -263,7 +264,7 @@ TEST_F(Outputs, AFullDiskIsAnErrorWithAReason) {
     const std::string file = files_.write("old", kPrecious);
     const std::size_t files = file_count();
     Arguments arguments{"-c", "set -o pipefail; (ulimit -f 0; exec \"$0\" \"$@\") 2>&1 | cat",
-                        std::string(PALPATE_BINARY_DIR) + "/" + output.program};
+                        test::binary_dir() + "/" + output.program};
     for (const std::string& argument : output.with(file, {"--overwrite"})) {
       arguments.push_back(argument);
     }
@@ -312,7 +313,7 @@ TEST_F(Outputs, AFullDeviceIsAnErrorWithAReason) {
 }
 
 TEST_F(Outputs, OneThatFailsCostsNoOther) {
-  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  const std::string session = test::source_dir() + "/deploy/sessions/default.txtpb";
   for (const char* lost : {"--record", "--csv"}) {
     SCOPED_TRACE(lost);
     const std::string json = path(std::string(lost) + ".json");
@@ -329,7 +330,7 @@ TEST_F(Outputs, OneThatFailsCostsNoOther) {
 }
 
 TEST_F(Outputs, AnEmptyNameIsRefused) {
-  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  const std::string session = test::source_dir() + "/deploy/sessions/default.txtpb";
   for (const char* option : {"--csv", "--json", "--record"}) {
     const Outcome outcome =
         run_program("palpate", {"loopback", session, "--seconds", "0.2", option, ""});
@@ -387,7 +388,7 @@ TEST_F(Outputs, APipeWithoutAReaderIsAnnounced) {
 }
 
 TEST_F(Outputs, TextThatStandardOutputLosesIsAnError) {
-  const std::string palpate = std::string(PALPATE_BINARY_DIR) + "/palpate";
+  const std::string palpate = test::binary_dir() + "/palpate";
   for (const char* arguments : {"--help", "--version", "doctor", "launch --help"}) {
     SCOPED_TRACE(arguments);
     const Outcome outcome =
@@ -417,7 +418,7 @@ TEST_F(Outputs, AReaderOfStandardOutputMayLeave) {
   for (const OutputCase& output : all_) {
     SCOPED_TRACE(output.name());
     Arguments words{"-c", "exec 3<>\"$0\" 4>\"$0\" 3>&-; exec \"$@\" >&4 4>&-", pipe,
-                    std::string(PALPATE_BINARY_DIR) + "/" + output.program};
+                    test::binary_dir() + "/" + output.program};
     const Arguments arguments = output.with("-");
     words.insert(words.end(), arguments.begin(), arguments.end());
     const Outcome outcome = run_program("/bin/bash", words);
@@ -431,7 +432,7 @@ TEST_F(Outputs, ARunWithoutOtherOutputEndsWhenItsReaderLeaves) {
   Program loopback("/bin/bash", {"-c",
                                  "set -o pipefail; \"$0\" loopback \"$1\" --seconds 1e6 --no-ideal "
                                  "--csv - | head -n 1",
-                                 std::string(PALPATE_BINARY_DIR) + "/palpate", session_});
+                                 test::binary_dir() + "/palpate", session_});
   EXPECT_EQ(loopback.wait(), 0);
   EXPECT_EQ(loopback.err(), "");
   EXPECT_THAT(loopback.out(), StartsWith("t_s,x_m"));

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "viewer_node/recording/mcap_format.h"
@@ -314,7 +315,7 @@ TEST_F(RecordingTools, OneRunHasOneSetOfFigures) {
 
 // with the path of the ideal run, which the recording has
 TEST_F(RecordingTools, OneRunHasOneVerdict) {
-  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  const std::string session = test::source_dir() + "/deploy/sessions/default.txtpb";
   ASSERT_EQ(palpate({"loopback", session, "--seconds", "3", "--record", path("ideal.mcap"),
                      "--json", path("ideal.json")})
                 .status,

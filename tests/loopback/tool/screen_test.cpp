@@ -20,6 +20,7 @@
 
 #include "common/session/session_file.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -37,7 +38,7 @@ using testing::Not;
 using testing::StartsWith;
 using Arguments = std::vector<std::string>;
 
-constexpr const char* kDefault = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+const std::string kDefault = test::source_dir() + "/deploy/sessions/default.txtpb";
 
 constexpr char kNoKey = 0;
 constexpr char kCtrlC = '\x03';
@@ -53,7 +54,7 @@ struct KeyPress {
 std::string on_terminal(const Arguments& arguments, unsigned short columns,
                         const std::vector<KeyPress>& keys, const char* kind = "xterm") {
   winsize size{.ws_row = 24, .ws_col = columns, .ws_xpixel = 0, .ws_ypixel = 0};
-  const std::string program = PALPATE_BINARY_DIR "/palpate";
+  const std::string program = test::binary_dir() + "/palpate";
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
@@ -195,7 +196,7 @@ TEST_F(Screen, OfARunSaysWhatIsGoodAndWhatIsBad) {
   EXPECT_THAT(good.out,
               AllOf(HasSubstr("good  the hand extracted no energy"), Not(HasSubstr("  bad "))));
 
-  const std::string rigid = PALPATE_SOURCE_DIR "/deploy/sessions/paper_rigid.txtpb";
+  const std::string rigid = test::source_dir() + "/deploy/sessions/paper_rigid.txtpb";
   const Outcome bad = run_program(
       "palpate", {"loopback", rigid, "--set", "mofc.controller=none", "--set", "physics.rate_hz=50",
                   "--set", "hand.v.free_motion_s=0", "--seconds", "3"});
@@ -206,7 +207,7 @@ TEST_F(Screen, OfARunSaysWhatIsGoodAndWhatIsBad) {
 TEST_F(Screen, OfALaunchWithALatchedFaultSaysSoAndItsStatusIsNotZero) {
   const test::TempFolder folder;
   const std::string json = (folder.path() / "run.json").string();
-  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/paper_soft.txtpb";
+  const std::string session = test::source_dir() + "/deploy/sessions/paper_soft.txtpb";
   const Outcome launch = run_program(
       "palpate", {"launch", session, "--no-realtime", "--no-viewer", "--seconds", "3", "--json",
                   json, "--set", "device.v_fault_m_per_s=5", "--set",
@@ -289,7 +290,7 @@ TEST(Help, SuggestsCommandsOptionsAndValues) {
 
 TEST(Help, IsQuietWhenItsReaderHasEnough) {
   const Outcome head =
-      run_program("/bin/bash", {"-c", std::string("set -o pipefail; ") + PALPATE_BINARY_DIR +
+      run_program("/bin/bash", {"-c", std::string("set -o pipefail; ") + test::binary_dir() +
                                           "/palpate explain | head -n 1"});
   EXPECT_EQ(head.status, 0) << head.err;
   EXPECT_EQ(head.err, "");
@@ -331,7 +332,7 @@ TEST(Help, IsCompletedAndPrintedAsPagesForEveryCommand) {
     man.insert(man.end(), command.begin(), command.end());
     std::string page = run_program("palpate", man).out;
     std::erase(page, '\\');
-    std::string file = PALPATE_BINARY_DIR "/../deploy/palpate/pages/palpate";
+    std::string file = test::binary_dir() + "/../deploy/palpate/pages/palpate";
     for (const std::string& word : command) file += "-" + word;
     EXPECT_EQ(test::text_of(file + ".1"), run_program("palpate", man).out) << "of the package";
     if (command == Arguments{"ros"}) continue;  // its help is that of palpate_ros
@@ -344,7 +345,7 @@ TEST(Help, IsCompletedAndPrintedAsPagesForEveryCommand) {
 
 TEST(Help, CompletesInBash) {
   const std::string script =
-      std::string("source <(") + PALPATE_BINARY_DIR +
+      std::string("source <(") + test::binary_dir() +
       "/palpate completion bash); complete_it() { COMP_WORDS=(palpate \"$@\"); "
       "COMP_CWORD=$#; _palpate; printf '%s ' \"${COMPREPLY[@]}\"; }; ";
   const auto completed = [&](const std::string& words) {
@@ -375,7 +376,7 @@ TEST(Help, CompletesInBash) {
 TEST(Help, CompletesInFish) {
   if (std::system("command -v fish > /dev/null 2>&1") != 0) GTEST_SKIP() << "fish is not installed";
   const auto completed = [](const std::string& line) {
-    const std::string script = std::string(PALPATE_BINARY_DIR) +
+    const std::string script = test::binary_dir() +
                                "/palpate completion fish | source; complete -C '" + line +
                                "' | string replace -r '\\t.*' ''";
     return run_program("/usr/bin/fish", {"--no-config", "-c", script}).out;
@@ -400,8 +401,7 @@ TEST(Help, CompletesInZsh) {
         "PREFIX=${PREFIX#*=}; }\n"
         "compadd() { print -rn -- \"${@[(r)--,-1][2,-1]} \"; }\n"
         "source <(" +
-        std::string(PALPATE_BINARY_DIR) + "/palpate completion zsh)\nPREFIX='" + word +
-        "'\n_palpate_settings";
+        test::binary_dir() + "/palpate completion zsh)\nPREFIX='" + word + "'\n_palpate_settings";
     return run_program("/usr/bin/zsh", {"-f", "-c", script}).out;
   };
   EXPECT_THAT(completed("mofc.mod"), HasSubstr(" mofc.mode= "));

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -27,7 +28,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-constexpr const char* kSessions = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/";
+const std::string kSessions = test::source_dir() + "/deploy/sessions/tasks/";
 
 class Studies : public testing::Test {
  protected:
@@ -115,7 +116,7 @@ TEST_F(Studies, AKillCostsTheTrialThatRunsAndNothingElse) {
 }
 
 TEST_F(Studies, NoisyHandsDoTheTrialsOfAShippedStudyInBalancedOrder) {
-  const std::string study = PALPATE_SOURCE_DIR "/deploy/studies/epidural_delay.txtpb";
+  const std::string study = test::source_dir() + "/deploy/studies/epidural_delay.txtpb";
   for (const char* participant : {"1", "2"}) {
     const Outcome outcome =
         palpate({"study", study, "--folder", path("e"), "--participant", participant, "--loopback",

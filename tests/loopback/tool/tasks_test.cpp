@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/session/session_file.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -30,13 +31,12 @@ using testing::HasSubstr;
 using testing::Not;
 using testing::SizeIs;
 
-const std::string kTasks = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/";
-constexpr const char* kLumpSearch = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/lump_search.txtpb";
-constexpr const char* kPoorSearch =
-    PALPATE_SOURCE_DIR "/deploy/sessions/tasks/lump_search_poor.txtpb";
-constexpr const char* kEpidural = PALPATE_SOURCE_DIR "/deploy/sessions/tasks/epidural.txtpb";
-constexpr const char* kEpiduralPoor =
-    PALPATE_SOURCE_DIR "/deploy/sessions/tasks/epidural_poor.txtpb";
+const std::string kTasks = test::source_dir() + "/deploy/sessions/tasks/";
+const std::string kLumpSearch = test::source_dir() + "/deploy/sessions/tasks/lump_search.txtpb";
+const std::string kPoorSearch =
+    test::source_dir() + "/deploy/sessions/tasks/lump_search_poor.txtpb";
+const std::string kEpidural = test::source_dir() + "/deploy/sessions/tasks/epidural.txtpb";
+const std::string kEpiduralPoor = test::source_dir() + "/deploy/sessions/tasks/epidural_poor.txtpb";
 
 /// A hand that presses 10 mm into a pad with a hard ball, and marks it with button 0.
 constexpr const char* kSearch = R"(

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_command.h"
 
@@ -27,9 +28,9 @@ class ApiReference : public testing::Test {
   /// Runs doxygen as docs/api/Doxyfile says, but into the folder of the test, with these settings
   /// on top.
   [[nodiscard]] CommandResult document(const std::string& settings = "") const {
-    return run_command("cd '" PALPATE_SOURCE_DIR "' && printf '%s\\n' 'OUTPUT_DIRECTORY = " +
-                       output_.path().string() + "' '" + settings +
-                       "' | cat docs/api/Doxyfile - | doxygen -");
+    return run_command("cd '" + test::source_dir() +
+                       "' && printf '%s\\n' 'OUTPUT_DIRECTORY = " + output_.path().string() +
+                       "' '" + settings + "' | cat docs/api/Doxyfile - | doxygen -");
   }
 
   TempFolder output_;

@@ -6,6 +6,7 @@
 
 #include <string>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/parameter_words.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_command.h"
@@ -22,13 +23,14 @@ using testing::HasSubstr;
 /// check_includes.cmake with the project's own rules on another tree.
 CommandResult check_includes(const std::string& root) {
   const TempFolder script;
-  script.write("check.cmake", "include(" PALPATE_SOURCE_DIR
-                              "/cmake/boundaries.cmake)\n"
-                              "set(RULES ${PALPATE_BOUNDARIES})\n"
-                              "set(ROOT " +
+  script.write("check.cmake", "include(" + test::source_dir() +
+                                  "/cmake/boundaries.cmake)\n"
+                                  "set(RULES ${PALPATE_BOUNDARIES})\n"
+                                  "set(ROOT " +
                                   root +
                                   ")\n"
-                                  "include(" PALPATE_SOURCE_DIR "/cmake/check_includes.cmake)\n");
+                                  "include(" +
+                                  test::source_dir() + "/cmake/check_includes.cmake)\n");
   return run_cmake("-P '" + (script.path() / "check.cmake").string() + "'");
 }
 
@@ -40,7 +42,7 @@ CommandResult check_source(const std::string& file, const std::string& text) {
 }
 
 TEST(IncludeBoundaries, HoldOnThisTree) {
-  const CommandResult result = check_includes(PALPATE_SOURCE_DIR);
+  const CommandResult result = check_includes(test::source_dir());
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
@@ -252,13 +254,14 @@ CommandResult configure(const std::string& text) {
   tree.write("CMakeLists.txt",
              "cmake_minimum_required(VERSION 3.25)\n"
              "project(x LANGUAGES NONE)\n"
-             "include(" PALPATE_SOURCE_DIR
-             "/cmake/boundaries.cmake)\n"
-             "add_library(node INTERFACE)\n"
-             "add_library(middle INTERFACE)\n"
-             "add_library(sockets INTERFACE)\n"
-             "add_library(alias::middle ALIAS middle)\n"
-             "add_library(alias::sockets ALIAS sockets)\n" +
+             "include(" +
+                 test::source_dir() +
+                 "/cmake/boundaries.cmake)\n"
+                 "add_library(node INTERFACE)\n"
+                 "add_library(middle INTERFACE)\n"
+                 "add_library(sockets INTERFACE)\n"
+                 "add_library(alias::middle ALIAS middle)\n"
+                 "add_library(alias::sockets ALIAS sockets)\n" +
                  text);
   return run_cmake("-G '" PALPATE_GENERATOR "' -S '" + tree.path().string() + "' -B '" +
                    (tree.path() / "build").string() + "'");

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -20,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kRoot = PALPATE_SOURCE_DIR;
+const fs::path kRoot = test::source_dir();
 
 using test::text_of;
 

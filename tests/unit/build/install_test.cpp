@@ -6,6 +6,7 @@
 #include <string>
 
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_command.h"
 
@@ -57,9 +58,9 @@ TEST(Install, TheExamplesOfTheControllersAreAProjectOfTheirOwn) {
 // In C and C++, against the shared library that stands alone.
 TEST(Install, TheExamplesOfTheTissueAreAProjectOfTheirOwn) {
   InstalledExamples examples;
-  ASSERT_NO_FATAL_FAILURE(examples.build("tissue", "tissue",
-                                         " -DSESSION='" PALPATE_SOURCE_DIR
-                                         "/deploy/sessions/block_with_tumour.txtpb'"));
+  ASSERT_NO_FATAL_FAILURE(examples.build(
+      "tissue", "tissue",
+      " -DSESSION='" + test::source_dir() + "/deploy/sessions/block_with_tumour.txtpb'"));
   EXPECT_TRUE(std::filesystem::exists(examples.prefix() + "/share/palpate/python/tissue/setup.py"));
   examples.expect_tests(4);
 }
@@ -84,14 +85,15 @@ TEST(Install, IsNotNeededByAProjectThatAddsThisOneAsAFolder) {
               "cmake_minimum_required(VERSION 3.25)\n"
               "project(consumer LANGUAGES CXX)\n"
               "set(CMAKE_CXX_FLAGS \"-Wall -Wextra -Weffc++ -Wpadded -Werror\")\n"
-              "add_subdirectory(" PALPATE_SOURCE_DIR
-              " palpate)\n"
-              "add_executable(consumer main.cpp)\n"
-              "target_compile_features(consumer PRIVATE cxx_std_20)\n"
-              "target_link_libraries(consumer PRIVATE palpate::controllers)\n"
-              "if(TARGET core_test)\n"
-              "  message(FATAL_ERROR \"tests of the folder\")\n"
-              "endif()\n");
+              "add_subdirectory(" +
+                  test::source_dir() +
+                  " palpate)\n"
+                  "add_executable(consumer main.cpp)\n"
+                  "target_compile_features(consumer PRIVATE cxx_std_20)\n"
+                  "target_link_libraries(consumer PRIVATE palpate::controllers)\n"
+                  "if(TARGET core_test)\n"
+                  "  message(FATAL_ERROR \"tests of the folder\")\n"
+                  "endif()\n");
   files.write("main.cpp",
               "#include <palpate/controllers/catalogue.h>\n"
               "int main() { return palpate::controllers::make_named(\"guard\", {}) ? 0 : 1; }\n");
@@ -111,10 +113,9 @@ TEST(Install, AProgramWithoutItsLibraryOfRivalsSaysSo) {
   const test::TempFolder files;
   std::filesystem::create_directory(files.path() / "bin");
   const std::filesystem::path program = files.path() / "bin/mofc_node";
-  std::filesystem::copy_file(PALPATE_BINARY_DIR "/mofc_node", program);
+  std::filesystem::copy_file(test::binary_dir() + "/mofc_node", program);
   const CommandResult result =
-      test::run_command("'" + program.string() +
-                        "' --session '" PALPATE_SOURCE_DIR
+      test::run_command("'" + program.string() + "' --session '" + test::source_dir() +
                         "/deploy/sessions/default.txtpb' --set mofc.controller=energy_tank");
   EXPECT_EQ(result.status, 2);
   EXPECT_NE(result.output.find("lib/palpate/palpate_rivals.so: cannot open"), std::string::npos)
@@ -133,7 +134,7 @@ TEST(Install, SaysWhichComponentIsNotThere) {
   const CommandResult installed = run_cmake(
       "--install '" PALPATE_BUILD_DIR "' --component controllers --prefix '" + prefix + "'");
   ASSERT_EQ(installed.status, 0) << installed.output;
-  const std::string project = PALPATE_SOURCE_DIR "/physics_node/sdk/examples/half_space";
+  const std::string project = test::source_dir() + "/physics_node/sdk/examples/half_space";
   const CommandResult configured =
       run_cmake("-S '" + project + "' -B '" + (files.path() / "build").string() +
                 "' -DCMAKE_PREFIX_PATH='" + prefix + "'");

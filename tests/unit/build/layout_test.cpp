@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/source_tree.h"
 
@@ -52,11 +53,11 @@ IncludeGraph graph_of_this_tree() {
   for (const std::string& file :
        test::sources_below({"common", "device_node", "mofc_node", "physics_node", "viewer_node",
                             "deploy", "tests"})) {
-    std::ifstream in(fs::path(PALPATE_SOURCE_DIR) / file);
+    std::ifstream in(fs::path(test::source_dir()) / file);
     for (std::string line; std::getline(in, line);) {
       if (!line.starts_with("#include \"")) continue;
       const std::string header = line.substr(10, line.find('"', 10) - 10);
-      if (fs::exists(fs::path(PALPATE_SOURCE_DIR) / header)) graph[file].push_back(header);
+      if (fs::exists(fs::path(test::source_dir()) / header)) graph[file].push_back(header);
     }
   }
   return graph;
@@ -90,7 +91,7 @@ TEST(Tree, HasNoProductFileOfMoreThanFiveHundredLines) {
   constexpr std::ptrdiff_t kMostLines = 500;
   for (const std::string& file : test::sources_below(
            {"common", "device_node", "mofc_node", "physics_node", "viewer_node", "deploy"})) {
-    std::ifstream in(fs::path(PALPATE_SOURCE_DIR) / file);
+    std::ifstream in(fs::path(test::source_dir()) / file);
     const auto lines = std::count(std::istreambuf_iterator<char>(in), {}, '\n');
     EXPECT_LE(lines, 1 + kMostLines) << file;  // and the one that names the licence
   }
@@ -120,7 +121,7 @@ bool names_its_licence(const std::string& text) {
 TEST(Tree, NamesTheLicenceInEverySource) {
   std::size_t sources = 0;
   for (const std::string& file : test::tracked_files()) {
-    const std::string text = test::text_of(fs::path(PALPATE_SOURCE_DIR) / file);
+    const std::string text = test::text_of(fs::path(test::source_dir()) / file);
     if (!is_source(file, text)) continue;
     ++sources;
     EXPECT_TRUE(names_its_licence(text))

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_command.h"
 #include "tests/unit/build/source_tree.h"
@@ -24,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kSourceTree = PALPATE_SOURCE_DIR;
+const fs::path kSourceTree = test::source_dir();
 
 /// One file: declarations and assertions, one a line, some of them marked at the end of the line.
 struct Lemma {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_command.h"
 
@@ -26,11 +27,11 @@ class Service : public testing::Test {
       GTEST_SKIP() << "no systemd-analyze here (Debian: systemd)";
     }
     for (const fs::directory_entry& unit :
-         fs::directory_iterator(PALPATE_SOURCE_DIR "/deploy/systemd")) {
+         fs::directory_iterator(test::source_dir() + "/deploy/systemd")) {
       std::string content = test::text_of(unit.path());
       const std::string installed = "ExecStart=/usr/bin/";
       if (const std::size_t at = content.find(installed); at != std::string::npos) {
-        content.replace(at, installed.size(), "ExecStart=" PALPATE_BINARY_DIR "/");
+        content.replace(at, installed.size(), "ExecStart=" + test::binary_dir() + "/");
       }
       files_.write(unit.path().filename(), content);
     }
@@ -149,8 +150,8 @@ class MaintainerScripts : public testing::Test {
   }
   [[nodiscard]] CommandResult run(const std::string& script_and_arguments) const {
     return run_command("DPKG_ROOT='" + (files_.path() / "root").string() + "' PATH='" +
-                       (files_.path() / "bin").string() +
-                       "':$PATH sh " PALPATE_SOURCE_DIR "/deploy/debian/" + script_and_arguments);
+                       (files_.path() / "bin").string() + "':$PATH sh " + test::source_dir() +
+                       "/deploy/debian/" + script_and_arguments);
   }
   test::TempFolder files_;
 };
@@ -187,7 +188,7 @@ TEST_F(MaintainerScripts, APurgeLeavesNothing) {
 
 TEST(Prometheus, NoticesThatNobodyAnswers) {
   const std::string rules =
-      test::text_of(PALPATE_SOURCE_DIR "/deploy/prometheus/palpate_rules.yml");
+      test::text_of(test::source_dir() + "/deploy/prometheus/palpate_rules.yml");
   EXPECT_NE(rules.find("expr: up{job=\"palpate\"} == 0"), std::string::npos);
 }
 
@@ -195,7 +196,7 @@ TEST(Prometheus, AcceptsTheRulesAndTheConfiguration) {
   if (run_command("promtool --version").status != 0) {
     GTEST_SKIP() << "no promtool here (Debian: prometheus)";
   }
-  const std::string folder = PALPATE_SOURCE_DIR "/deploy/prometheus";
+  const std::string folder = test::source_dir() + "/deploy/prometheus";
   EXPECT_EQ(run_command("promtool check rules " + folder + "/palpate_rules.yml").status, 0);
   EXPECT_EQ(run_command("promtool check config " + folder + "/prometheus.yml").status, 0);
 }

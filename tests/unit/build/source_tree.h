@@ -8,13 +8,15 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
+
 namespace palpate::test {
 
 /// Every regular file of the project; paths from the root, sorted.
 inline std::vector<std::string> tracked_files() {
   namespace fs = std::filesystem;
   const std::set<std::string> of_tools{".git", ".cache", ".idea", ".vscode", "Testing"};
-  const fs::path root(PALPATE_SOURCE_DIR);
+  const fs::path root(test::source_dir());
   std::vector<std::string> files;
   for (auto entry = fs::recursive_directory_iterator(root);
        entry != fs::recursive_directory_iterator(); ++entry) {

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/source_tree.h"
 
@@ -111,7 +112,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
   std::string schema;
   for (const char* file : {"session", "session_device", "session_drivers", "session_hand",
                            "session_mofc", "session_scene", "session_vector"}) {
-    schema += text_of(fs::path(PALPATE_SOURCE_DIR "/proto/palpate/v1") / file += ".proto");
+    schema += text_of(fs::path(test::source_dir() + "/proto/palpate/v1") / file += ".proto");
   }
   const std::vector<Field> fields = fields_of(schema);
   std::size_t numbers = 0;
@@ -150,7 +151,7 @@ TEST(Tree, NamesNoPathOfAnyMachine) {
   std::size_t files = 0;
   for (const std::string& file : test::tracked_files()) {
     ++files;
-    EXPECT_EQ(machine_path_in(text_of(fs::path(PALPATE_SOURCE_DIR) / file)), "") << file;
+    EXPECT_EQ(machine_path_in(text_of(fs::path(test::source_dir()) / file)), "") << file;
   }
   EXPECT_GT(files, 100u);
 }

@@ -18,6 +18,7 @@
 #include "physics_node/elastic_tissue/patch_sender.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::physics {
 namespace {
@@ -227,7 +228,7 @@ TEST_F(DelayedPress, OverSomethingHardKeepsItsForce) {
   SceneConfig scene = block_scene(file_);
   scene.tissues[0].geometry =
       FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
-                   .file = std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/block.msh"};
+                   .file = test::source_dir() + "/deploy/sessions/block.msh"};
   auto& material = std::get<ElasticMaterial>(scene.tissues[0].material);
   material.is_linear = false;
   material.viscosity_s = 0.005;

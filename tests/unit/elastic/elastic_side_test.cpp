@@ -17,6 +17,7 @@
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate::physics {
@@ -34,11 +35,11 @@ SceneConfig block_scene() {
                      .poisson_ratio = 0.45,
                      .density_kg_per_m3 = 1000.0}};
   return {.tip_radius_m = kBall_m,
-          .tissues = {{.name = "block",
-                       .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
-                                                .file = std::string(PALPATE_SOURCE_DIR) +
-                                                        "/deploy/sessions/block.msh"},
-                       .material = material}}};
+          .tissues = {
+              {.name = "block",
+               .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
+                                        .file = test::source_dir() + "/deploy/sessions/block.msh"},
+               .material = material}}};
 }
 
 /// A plate of 60 × 60 mm in the middle of z = 0, held at two edges.

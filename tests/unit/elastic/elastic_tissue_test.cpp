@@ -20,6 +20,7 @@
 #include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate::physics {
@@ -150,8 +151,7 @@ TEST_F(ElasticScene, SoItIsInADeepPress) {
                      .young_pa = 150e3,
                      .poisson_ratio = 0.45,
                      .density_kg_per_m3 = 1000.0}};
-  SceneConfig scene =
-      elastic_scene(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/block.msh", material);
+  SceneConfig scene = elastic_scene(test::source_dir() + "/deploy/sessions/block.msh", material);
   std::get<ElasticMaterial>(scene.tissues[0].material).is_linear = false;
   const auto elastic = ElasticTissues::of(scene, 1, ElasticPace::kVirtual);
   ElasticReference reference(elastic_bodies_of(scene), kTip_m, kTick_s);

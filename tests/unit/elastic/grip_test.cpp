@@ -19,6 +19,7 @@
 #include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::physics {
 namespace {
@@ -142,11 +143,11 @@ class GripScene : public testing::Test {
     material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0299}}};
     scene_.tip_radius_m = kGripTip_m;
     scene_.gripper = GripperConfig{.reach_m = 0.009, .jaw_newton = 200.0, .tear_newton = 100.0};
-    scene_.tissues = {{.name = "block",
-                       .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
-                                                .file = std::string(PALPATE_SOURCE_DIR) +
-                                                        "/deploy/sessions/small_block.msh"},
-                       .material = material}};
+    scene_.tissues = {
+        {.name = "block",
+         .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
+                                  .file = test::source_dir() + "/deploy/sessions/small_block.msh"},
+         .material = material}};
   }
   [[nodiscard]] std::shared_ptr<ElasticTissues> tissues(std::size_t tools = 1) const {
     return ElasticTissues::of(scene_, tools, ElasticPace::kVirtual);

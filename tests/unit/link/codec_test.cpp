@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "tests/support/alloc_guard.h"
+#include "tests/support/machine/places.h"
 #include "tests/unit/link/codec_test_support.h"
 
 namespace palpate {
@@ -96,7 +97,7 @@ TYPED_TEST(CodecOf, RefusesTruncatedFramesOrReadsThemConsistently) {
 /// The fuzzer does not get past the rules of the contract by itself.
 TYPED_TEST(CodecOf, HasASeedInTheFuzzCorpusThatItAccepts) {
   namespace fs = std::filesystem;
-  const fs::path corpus = PALPATE_SOURCE_DIR "/tests/fuzz/corpus/codec";
+  const fs::path corpus = test::source_dir() + "/tests/fuzz/corpus/codec";
   if (std::getenv("PALPATE_WRITE_CORPUS") != nullptr) {
     const Frame frame = encoded(full_message<TypeParam>());
     const int kind = static_cast<int>(kKindOf<TypeParam>);

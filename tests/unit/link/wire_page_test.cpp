@@ -19,6 +19,7 @@
 #include "common/link/subscription.h"
 #include "common/telemetry/device_telemetry.h"
 #include "common/telemetry/mofc_telemetry.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -44,7 +45,7 @@ Row cells_of(const std::string& line) {
 const std::map<std::string, Row>& rows() {
   static const std::map<std::string, Row> all = [] {
     std::map<std::string, Row> found;
-    const std::string page = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
+    const std::string page = test::text_of(test::source_dir() + "/docs/wire.md");
     std::istringstream lines(page.substr(0, page.find("\n## Messages\n")));
     for (std::string line; std::getline(lines, line);) {
       if (!line.starts_with('|')) continue;
@@ -142,7 +143,7 @@ TEST(WirePage, GivesTheTimes) {
 }
 
 TEST(WirePage, GivesTheThrottlingOfTheExchange) {
-  const std::string text = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
+  const std::string text = test::text_of(test::source_dir() + "/docs/wire.md");
   EXPECT_NE(text.find("After " + std::to_string(ExchangeClient::kMaxUnanswered) +
                       " unanswered states, device_node sends\nonly one of " +
                       std::to_string(ExchangeClient::kSendOneIn) + " until"),
@@ -173,7 +174,7 @@ TEST(WirePage, GivesTheKindsAndLengthsOfFrames) {
 }
 
 TEST(WirePage, GivesTheReasonsInTheOrderOfTheChecks) {
-  const std::string text = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
+  const std::string text = test::text_of(test::source_dir() + "/docs/wire.md");
   std::size_t at = 0;
   for (std::size_t i = 1; i < kDecodeErrors; ++i) {
     at = text.find("| `" + std::string(name(static_cast<DecodeError>(i))) + "` |", at);
@@ -185,7 +186,7 @@ TEST(WirePage, GivesTheReasonsInTheOrderOfTheChecks) {
 
 /// The bytes of the example frame of a message: hexadecimal, up to the ';' of each line.
 std::vector<std::byte> example(const std::string& message) {
-  const std::string page = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
+  const std::string page = test::text_of(test::source_dir() + "/docs/wire.md");
   const std::size_t begin = page.find("\n```\n", page.find("\n`" + message + "`, "));
   if (begin == std::string::npos) return {};
   std::istringstream lines(page.substr(begin + 5, page.find("\n```\n", begin + 1) - begin - 4));

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "common/core/check.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -94,7 +95,7 @@ TEST(ImportReach, AWorkspaceThatIsTooSmallIsSaid) {
 }
 
 TEST(ImportReach, TheDeviceIsThatOfASession) {
-  const std::string sessions = std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/";
+  const std::string sessions = test::source_dir() + "/deploy/sessions/";
   const ReachDevice falcon = reach_device_of(sessions + "falcon.txtpb");
   EXPECT_GT(falcon.half_extent_m.minCoeff(), 0.0);
   EXPECT_NE(falcon.half_extent_m, kSimulatedHalfExtent_m);

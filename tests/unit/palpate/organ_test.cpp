@@ -12,6 +12,7 @@
 #include "physics_node/files/ply.h"
 #include "physics_node/files/surface_files.h"
 #include "physics_node/files/tetrahedral_files.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate {
 namespace {
@@ -21,7 +22,7 @@ std::string bytes_of(const std::string& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-const std::string kFolder = PALPATE_SOURCE_DIR "/deploy/sessions/";
+const std::string kFolder = test::source_dir() + "/deploy/sessions/";
 
 // To a few ulp of float only: sin and exp may round differently elsewhere.
 TEST(Organ, ShippedCloudIsTheGeneratedOne) {

@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "common/session/session_file.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -28,13 +29,13 @@ namespace fs = std::filesystem;
 /// Of a session without a pointer, whose hand touches.
 std::vector<std::string> warnings_with(const std::vector<std::string>& overrides) {
   return session_warnings(
-      load_session(PALPATE_SOURCE_DIR "/deploy/sessions/paper_soft.txtpb", overrides));
+      load_session(test::source_dir() + "/deploy/sessions/paper_soft.txtpb", overrides));
 }
 
 TEST(SessionWarnings, ThereAreNoneOfTheSessionsThatShip) {
   std::size_t sessions = 0;
   for (const char* folder : {"/deploy/sessions", "/deploy/sessions/tasks"}) {
-    for (const auto& entry : fs::directory_iterator(std::string(PALPATE_SOURCE_DIR) + folder)) {
+    for (const auto& entry : fs::directory_iterator(test::source_dir() + folder)) {
       if (entry.path().extension() != ".txtpb") continue;
       std::vector<std::string> overrides;
       if (entry.path().stem() == "two_machines") {
@@ -104,7 +105,7 @@ TEST(SessionWarnings, OfATaskThatCannotBeDone) {
       "scene.tissue[0].elastic.part[0].where={ sphere { radius_m: 0.007 center_m { ";
   const auto warnings_of = [](const char* task, const std::vector<std::string>& overrides) {
     return session_warnings(
-        load_session(std::string(PALPATE_SOURCE_DIR "/deploy/sessions/tasks/") + task, overrides));
+        load_session(test::source_dir() + "/deploy/sessions/tasks/" + task, overrides));
   };
   EXPECT_THAT(warnings_of("lump_search.txtpb", {part + "z: 0.012 } } }"}),
               ElementsAre(AllOf(HasSubstr("target \"lump\""), HasSubstr("12 mm outside"))));
@@ -119,7 +120,7 @@ TEST(SessionWarnings, OfATaskThatCannotBeDone) {
 }
 
 TEST(SessionWarnings, OfAnElasticBodyInKilopascal) {
-  const Session session = load_session(PALPATE_SOURCE_DIR "/deploy/sessions/liver_elastic.txtpb",
+  const Session session = load_session(test::source_dir() + "/deploy/sessions/liver_elastic.txtpb",
                                        {"scene.tissue[0].elastic.young_pa=15"});
   EXPECT_THAT(session_warnings(session),
               ElementsAre(AllOf(HasSubstr("young_pa = 15 Pa"), HasSubstr("15 kPa is 15000"))));
@@ -143,7 +144,7 @@ TEST(SessionWarnings, OfAStiffnessThatNoDeviceRenders) {
   EXPECT_THAT(warnings_with({"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=1e6"}),
               ElementsAre(AllOf(HasSubstr("stiffness_newton_per_m = 1e+06 N/m"),
                                 HasSubstr("beyond what any device renders"), HasSubstr("2 b/T"))));
-  const Session elastic = load_session(PALPATE_SOURCE_DIR "/deploy/sessions/liver_elastic.txtpb",
+  const Session elastic = load_session(test::source_dir() + "/deploy/sessions/liver_elastic.txtpb",
                                        {"scene.tissue[0].elastic.young_pa=1e8"});
   EXPECT_THAT(session_warnings(elastic),
               ElementsAre(AllOf(HasSubstr("elastic.young_pa = 1e+08 Pa"), HasSubstr("2 b/T"))));

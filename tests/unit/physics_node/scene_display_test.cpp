@@ -13,6 +13,7 @@
 
 #include "physics_node/display/display.h"
 #include "physics_node/files/ply.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
 
@@ -472,9 +473,8 @@ TEST_F(SceneDisplayTest, ShowsTheStiffnessOfAnElasticBodyAndItsParts) {
                      .density_kg_per_m3 = 1000.0}};
   session_.scene.tissues[0] = {
       .name = "body",
-      .geometry =
-          FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
-                       .file = std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/block.msh"},
+      .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
+                               .file = test::source_dir() + "/deploy/sessions/block.msh"},
       .material = material};
   const auto elastic = ElasticTissues::of(session_.scene, 1, ElasticPace::kVirtual);
   display_.emplace(session_, 77, scenes_, meshes_, elastic);

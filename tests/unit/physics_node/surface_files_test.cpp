@@ -12,6 +12,7 @@
 #include "physics_node/files/ply.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/scene/scene.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/physics_node/random_scene.h"
@@ -173,7 +174,7 @@ TEST(SurfaceFiles, ReportWhatTheyCannotUse) {
 TEST(SurfaceFiles, ReadRealLivers) {
   const char* const folder_name = std::getenv("PALPATE_LIVER_DATA");
   const std::filesystem::path folder =
-      folder_name != nullptr ? folder_name : PALPATE_SOURCE_DIR "/../shared/data/liver";
+      folder_name != nullptr ? folder_name : test::source_dir() + "/../shared/data/liver";
   if (!std::filesystem::exists(folder)) {
     GTEST_SKIP() << folder
                  << " is absent: no liver meshes to try; PALPATE_LIVER_DATA names another";

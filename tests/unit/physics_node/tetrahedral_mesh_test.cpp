@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "common/core/check.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/text.h"
 #include "tests/unit/physics_node/test_meshes.h"
@@ -72,8 +73,7 @@ std::string vtk_binary() {
 
 /// A file of the fuzzers' corpus, without the byte that selects the format.
 std::string written_by_others(const std::string& name) {
-  return test::text_of(std::string(PALPATE_SOURCE_DIR "/tests/fuzz/corpus/geometry/") + name)
-      .substr(1);
+  return test::text_of(test::source_dir() + "/tests/fuzz/corpus/geometry/" + name).substr(1);
 }
 
 TetrahedralMesh parse_any(const std::string& bytes, const std::string& file) {

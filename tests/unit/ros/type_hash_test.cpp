@@ -8,12 +8,13 @@
 #include <string>
 
 #include "deploy/ros/dds/type_hashes.h"
+#include "tests/support/machine/places.h"
 #include "tests/unit/build/run_command.h"
 
 namespace palpate::ros {
 namespace {
 
-const std::string kScript = PALPATE_SOURCE_DIR "/deploy/ros/dds/type_hashes.py";
+const std::string kScript = test::source_dir() + "/deploy/ros/dds/type_hashes.py";
 
 class TypeHashes : public testing::Test {
  protected:
@@ -27,7 +28,7 @@ TEST_F(TypeHashes, AreThoseOfTheDefinitions) {
   ASSERT_EQ(made.status, 0) << made.output;
   // run_command makes white space single blanks
   const test::CommandResult kept =
-      test::run_command("cat '" PALPATE_SOURCE_DIR "/deploy/ros/dds/type_hashes.h'");
+      test::run_command("cat '" + test::source_dir() + "/deploy/ros/dds/type_hashes.h'");
   EXPECT_EQ(made.output, kept.output);
 }
 
@@ -57,7 +58,7 @@ TEST_F(TypeHashes, ChangeWithADefinition) {
   std::filesystem::create_directories(folder);
   const auto copy = std::filesystem::copy_options::overwrite_existing;
   std::filesystem::copy_file(kScript, folder + "/type_hashes.py", copy);
-  std::ifstream in(PALPATE_SOURCE_DIR "/deploy/ros/dds/ros_messages.idl");
+  std::ifstream in(test::source_dir() + "/deploy/ros/dds/ros_messages.idl");
   std::string idl((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   const std::string field = "struct Wrench_ { Vector3_ force;";
   ASSERT_NE(idl.find(field), std::string::npos);

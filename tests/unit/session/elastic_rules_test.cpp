@@ -11,6 +11,7 @@
 
 #include "common/session/materials.h"
 #include "common/session/power_law.h"
+#include "tests/support/machine/places.h"
 #include "tests/unit/session/session_support.h"
 
 namespace palpate {
@@ -180,7 +181,7 @@ TEST(PowerLaw, ItsBranchesFollowItWithinTheStatedError) {
 
 // The table of the docs is that of the program.
 TEST(Materials, TheirTableIsInTheDocs) {
-  std::ifstream file(std::string(PALPATE_SOURCE_DIR) + "/docs/materials.md");
+  std::ifstream file(test::source_dir() + "/docs/materials.md");
   const std::string text((std::istreambuf_iterator<char>(file)), {});
   EXPECT_NE(text.find(materials_table()), std::string::npos)
       << "refresh it with the output of `palpate explain materials`";

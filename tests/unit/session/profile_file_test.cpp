@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "tests/support/machine/places.h"
 #include "tests/unit/session/session_support.h"
 
 namespace palpate {
@@ -80,7 +81,7 @@ TEST_F(ProfileFile, OverrideNamesAnotherOrNone) {
 
 TEST(ProfileDefaults, TheStepIsThatOfTheDriverIfItDeclaresACoarseOne) {
   const auto step_of = [](const char* session, const std::vector<std::string>& overrides) {
-    return load_session(std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + session, overrides)
+    return load_session(test::source_dir() + "/deploy/sessions/" + session, overrides)
         .side()
         .device.profile.position_resolution_m;
   };

@@ -14,6 +14,7 @@
 #include <numbers>
 #include <optional>
 
+#include "tests/support/machine/places.h"
 #include "tests/unit/session/session_support.h"
 
 namespace palpate {
@@ -933,7 +934,7 @@ TEST_F(SessionFolder, FileWithoutPermissionIsReported) {
 TEST(SessionFile, EveryShippedSessionLoads) {
   std::vector<std::string> names;
   for (const auto& entry :
-       std::filesystem::directory_iterator(PALPATE_SOURCE_DIR "/deploy/sessions")) {
+       std::filesystem::directory_iterator(test::source_dir() + "/deploy/sessions")) {
     if (entry.path().extension() != ".txtpb") continue;
     EXPECT_EQ(complaint_of_file(entry.path()), "");
     EXPECT_EQ(load_session(entry.path()).name, entry.path().stem());
@@ -948,7 +949,7 @@ TEST(SessionFile, PaperSessionsAreThoseOfThePaper) {
   for (const char* name : {"paper_soft", "paper_rigid", "paper_mixed"}) {
     SCOPED_TRACE(name);
     const Session session =
-        load_session(std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + name + ".txtpb");
+        load_session(test::source_dir() + "/deploy/sessions/" + name + ".txtpb");
 
     EXPECT_EQ(session.side().device.rate_hz, 50.0);
     EXPECT_EQ(session.physics.rate_hz, 50.0);

@@ -14,6 +14,7 @@
 
 #include "common/session/file/session_rules.h"
 #include "palpate/v1/session.pb.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate {
 namespace {
@@ -46,7 +47,7 @@ bool is_vector(const pb::FieldDescriptor& field) {
 
 TEST(SessionReference, IsUpToDate) {
   EXPECT_TRUE(session_reference(content_of(PALPATE_SESSION_DESCRIPTOR_SET)) ==
-              content_of(PALPATE_SOURCE_DIR "/docs/session.md"))
+              content_of(test::source_dir() + "/docs/session.md"))
       << "docs/session.md is older than proto/palpate/v1/session*.proto; refresh it with\n"
          "  cmake --build build/release --target session_reference";
 }

@@ -8,6 +8,7 @@
 #include <iterator>
 
 #include "palpate/v1/session.pb.h"
+#include "tests/support/machine/places.h"
 #include "tests/support/parameter_words.h"
 #include "tests/unit/session/session_support.h"
 
@@ -592,7 +593,7 @@ TEST(SessionRules, NameIsRequired) {
 
 /// The complaints about a shipped session after one change.
 std::vector<std::string> complaints_of(const std::string& name, const std::string& change) {
-  std::ifstream stream(PALPATE_SOURCE_DIR "/deploy/sessions/" + name + ".txtpb");
+  std::ifstream stream(test::source_dir() + "/deploy/sessions/" + name + ".txtpb");
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   return complaints(text, {change});
 }

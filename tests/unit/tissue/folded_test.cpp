@@ -7,6 +7,7 @@
 
 #include "common/session/session_file.h"
 #include "physics_node/library/simulation.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::physics {
 namespace {
@@ -21,7 +22,7 @@ std::shared_ptr<const SharedScene> block() {
           elastic { young_pa: 10e3 viscosity_ms: 5 viscoelastic { branch { share: 0.3 tau_s: 0.1 } }
                     fixed { half_space { point_m { z: -0.0299 } } } solve_rate_hz: 50 } }
       })",
-      "scene", {}, PALPATE_SOURCE_DIR "/deploy/sessions");
+      "scene", {}, test::source_dir() + "/deploy/sessions");
   return std::make_shared<const SharedScene>(session.scene, reach_of(session));
 }
 

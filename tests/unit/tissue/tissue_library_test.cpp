@@ -13,6 +13,7 @@
 
 #include "physics_node/library/palpate_tissue.hpp"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/machine/places.h"
 
 namespace {
 
@@ -23,7 +24,7 @@ using palpate::tissue::Snapshot;
 using testing::HasSubstr;
 
 constexpr double kTick_s = 1e-3;
-const std::string kSessions = PALPATE_SOURCE_DIR "/deploy/sessions";
+const std::string kSessions = palpate::test::source_dir() + "/deploy/sessions";
 
 /// Rigid tissue that remembers: friction, relaxation, motion.
 Scene remembering_scene() {

@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 
+#include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/viewer_node/batches.h"
 
@@ -95,7 +96,7 @@ TEST_F(MetricsTextTest, TheAlertRulesNameMetricsThatExist) {
   take_all();
   const std::string page = text();
   const std::string rules =
-      test::text_of(PALPATE_SOURCE_DIR "/deploy/prometheus/palpate_rules.yml");
+      test::text_of(test::source_dir() + "/deploy/prometheus/palpate_rules.yml");
   const std::regex metric("expr:[^\n]*?(palpate_[a-z_]+)");
   int count = 0;
   for (std::sregex_iterator at(rules.begin(), rules.end(), metric), end; at != end; ++at) {
@@ -205,9 +206,9 @@ TEST_F(MetricsOfTwoHands, PromtoolAcceptsIt) {
 
 TEST(PrometheusFiles, PromtoolAcceptsConfigurationAndAlertRules) {
   if (!has_promtool()) GTEST_SKIP() << kNoPromtool;
-  EXPECT_EQ(
-      std::system("promtool check config " PALPATE_SOURCE_DIR "/deploy/prometheus/prometheus.yml"),
-      0);
+  const std::string check =
+      "promtool check config " + test::source_dir() + "/deploy/prometheus/prometheus.yml";
+  EXPECT_EQ(std::system(check.c_str()), 0);
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "common/contact/contact_model.h"
 #include "common/core/random.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/machine/places.h"
 
 namespace palpate::physics {
 namespace {
@@ -136,7 +137,7 @@ TEST(ContactEstimator, DoesNotAllocate) {
 // The same inputs and outputs as those that the Python package is compared with. Written by
 // PALPATE_WRITE_DATA=1.
 TEST(ContactEstimator, AgreesWithTheTableOfThePythonPackage) {
-  const std::string file = PALPATE_SOURCE_DIR "/tests/python/data/estimated.csv";
+  const std::string file = test::source_dir() + "/tests/python/data/estimated.csv";
   std::vector<std::string> lines{"x,y,z,vx,vy,vz,fx,fy,fz,has,penetration,stiffness,damping,trust"};
   ContactEstimator estimator;
   for (int i = 0; i < 150; ++i) {
