@@ -45,8 +45,8 @@ void print_line(const LineFriction& friction) {
   std::fflush(stdout);
 }
 
-std::string text_of(const DeviceProfile& profile, const DeviceSpecification& specification,
-                    std::size_t lines) {
+std::string profile_text_of(const DeviceProfile& profile, const DeviceSpecification& specification,
+                            std::size_t lines) {
   return profile_text(
       profile, {"Friction of device \"" + specification.model_name + "\": lower bounds over " +
                     std::to_string(lines) + " lines, by palpate identify.",
@@ -160,7 +160,7 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
                 rounded_down(coulomb.x()), rounded_down(coulomb.y()), rounded_down(coulomb.z()));
   }
   if (!profile) return;
-  const std::string text = text_of(found, specification, report.lines.size());
+  const std::string text = profile_text_of(found, specification, report.lines.size());
   if (!profile->write(text) || !profile->close()) throw std::runtime_error(profile->complaint());
 }
 

@@ -27,7 +27,7 @@ struct Field {
   int line = 0;
 };
 
-struct Header {
+struct NrrdHeader {
   std::map<std::string, Field> fields{};  ///< "sizes: …"
   std::map<std::string, Field> keys{};    ///< "Segment0_Name:=…"
   std::size_t bytes = 0;                  ///< up to the voxels
@@ -57,12 +57,12 @@ std::string unescaped(std::string_view text) {
   return result;
 }
 
-Header read_header(FileText& text, std::string_view bytes) {
+NrrdHeader read_header(FileText& text, std::string_view bytes) {
   const std::string_view magic = text.rest_of_line();
   if (magic.size() < 8 || !magic.starts_with("NRRD000")) {
     text.fail_at_line(1, "is not an NRRD file: must begin with NRRD0004 or the like");
   }
-  Header header;
+  NrrdHeader header;
   while (true) {
     const int line_number = text.line();
     if (text.is_at_end()) {
@@ -95,7 +95,7 @@ Header read_header(FileText& text, std::string_view bytes) {
 /// Reads the values of fields; errors name their line.
 class Fields {
  public:
-  Fields(const FileText& text, const Header& header, std::string name)
+  Fields(const FileText& text, const NrrdHeader& header, std::string name)
       : text_(text), header_(header), name_(std::move(name)) {}
 
   [[nodiscard]] const Field* find(const std::string& field) const {
@@ -166,7 +166,7 @@ class Fields {
 
  private:
   const FileText& text_;
-  const Header& header_;
+  const NrrdHeader& header_;
   std::string name_;
 };
 
@@ -270,7 +270,8 @@ std::string code_of(const std::string& tags) {
 }
 
 /// Segment0_LabelValue and so on; empty if the file has no segments.
-std::vector<Segment> table_of(const FileText& text, const Header& header, std::uint64_t layers) {
+std::vector<Segment> table_of(const FileText& text, const NrrdHeader& header,
+                              std::uint64_t layers) {
   std::vector<Segment> table;
   const auto key = [&](std::size_t i, const char* what) -> const Field* {
     const auto found = header.keys.find("Segment" + std::to_string(i) + "_" + what);
@@ -320,7 +321,7 @@ std::vector<Segment> table_of(const FileText& text, const Header& header, std::u
 
 LabelMap parse_nrrd(std::string_view bytes, const std::string& name) {
   FileText text(bytes, name);
-  const Header header = read_header(text, bytes);
+  const NrrdHeader header = read_header(text, bytes);
   const Fields fields(text, header, name);
   std::vector<std::string> notes;
 

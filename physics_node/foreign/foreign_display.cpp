@@ -12,7 +12,7 @@ namespace palpate::physics {
 namespace {
 
 constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB; a larger surface is sent in parts
-constexpr float kLongest_m = 1e3F;
+constexpr float kLongestShown_m = 1e3F;
 
 void check(const sdk::Surface& surface) {
   const std::string name = "surface " + surface.name + ": ";
@@ -21,7 +21,7 @@ void check(const sdk::Surface& surface) {
                      " numbers; give three a vertex");
   }
   if (!std::all_of(surface.vertices_m.begin(), surface.vertices_m.end(),
-                   [](float x) { return std::abs(x) <= kLongest_m; })) {
+                   [](float x) { return std::abs(x) <= kLongestShown_m; })) {
     throw SetupError(name + "a vertex is not finite or beyond ±1000 m; give m in W");
   }
   const std::size_t vertices = surface.vertices_m.size() / 3;

@@ -8,8 +8,6 @@
 namespace palpate {
 namespace {
 
-const auto kAll = [](const auto*) { return true; };
-
 /// The value of an option, as far as a shell can complete it.
 enum class Value { kNone, kFile, kSetting, kWord, kOther };
 

@@ -11,6 +11,9 @@
 
 namespace palpate {
 
+/// For CLI11: every option, every command.
+inline constexpr auto kAll = [](const auto*) { return true; };
+
 /// The page of one command, or of all of it, in the format of man(1).
 /// @param app      palpate itself
 /// @param command  app or a subcommand of it

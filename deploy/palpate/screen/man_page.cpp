@@ -9,8 +9,6 @@
 namespace palpate {
 namespace {
 
-const auto kAll = [](const auto*) { return true; };
-
 /// Text of roff: no request at the beginning of a line, no escape.
 std::string roff(const std::string& text) {
   std::string out;

@@ -13,9 +13,9 @@
 namespace palpate {
 namespace {
 
-constexpr double kStep_s = 1.0;      // 1 mm/s: viscosity and inertia of tissue do not count
-constexpr double kWaiting_m = 1e-5;  // of the sphere that the body meets, behind the tip
-constexpr int kMostTries = 20;       // until the body is in balance at a depth
+constexpr double kStep_s = 1.0;        // 1 mm/s: viscosity and inertia of tissue do not count
+constexpr double kBehindTip_m = 1e-5;  // of the sphere that the body meets, behind the tip
+constexpr int kMostSolutions = 20;     // until the body is in balance at a depth
 
 bool can_be_felt(double with_newton, double without_newton) {
   return with_newton > without_newton &&
@@ -45,13 +45,13 @@ PressCurve press_curve(const physics::ElasticBody& body, double tip_radius_m,
         physics::TipState{.tip_m = place_m - PressCurve::kStep_m * static_cast<double>(i) * normal,
                           .place_m = place_m}};
     bool is_balanced = false;
-    for (int tries = 0; tries < kMostTries && !is_balanced; ++tries) {
+    for (int tries = 0; tries < kMostSolutions && !is_balanced; ++tries) {
       static_cast<void>(simulation.step(tip));
       is_balanced = simulation.report().search.is_converged && !simulation.touch(0).has_failed;
     }
     if (i == 0) continue;
     // nothing is known of a force that is not in balance, or where the body cannot give way
-    const bool waits = (simulation.touch(0).centre_m - tip[0]->tip_m).norm() > kWaiting_m;
+    const bool waits = (simulation.touch(0).centre_m - tip[0]->tip_m).norm() > kBehindTip_m;
     if (!is_balanced || waits) break;
     curve.newton.push_back(std::max(0.0, simulation.touch(0).force_on_tool_newton.dot(normal)));
   }
