@@ -40,31 +40,50 @@ struct CommonOptions {
   std::string name_space = "palpate";
   bool is_reliable = false;
   CLI::Option* domain = nullptr;
+  CLI::Option* rosbridge = nullptr;  // none: it is not offered
 
-  void add_to(CLI::App& app) {
+  void add_to(CLI::App& app, bool has_rosbridge = true) {
     domain = app.add_option("--domain", network.domain,
                             "domain of DDS, as ROS_DOMAIN_ID, which is not read (default: 0)")
                  ->type_name("N")
                  ->check(CLI::Range(0, 232));
-    app.add_option("--interface", network.interface,
-                   "address or name of the interface for DDS (default: 127.0.0.1, this machine "
-                   "only); another one needs --domain")
-        ->type_name("ADDRESS");
-    app.add_option("--peer", network.peers,
-                   "address of a machine that multicast does not reach; may be repeated")
-        ->type_name("ADDRESS")
-        ->allow_extra_args(false);
+    CLI::Option* interface =
+        app.add_option("--interface", network.interface,
+                       "address or name of the interface for DDS (default: 127.0.0.1, this machine "
+                       "only); another one needs --domain")
+            ->type_name("ADDRESS");
+    CLI::Option* peer =
+        app.add_option("--peer", network.peers,
+                       "address of a machine that multicast does not reach; may be repeated")
+            ->type_name("ADDRESS")
+            ->allow_extra_args(false);
     app.add_option("--namespace", name_space, "of the topics (default: palpate)")
         ->type_name("NAME")
         ->check(is_topic());
-    app.add_flag("--reliable", is_reliable,
-                 "offer reliable topics, for subscribers that ask for it (default: the QoS of "
-                 "sensor data, best effort)");
+    CLI::Option* reliable =
+        app.add_flag("--reliable", is_reliable,
+                     "offer reliable topics, for subscribers that ask for it (default: the QoS of "
+                     "sensor data, best effort)");
+    if (!has_rosbridge) return;
+    rosbridge =
+        app.add_option(
+               "--rosbridge", network.rosbridge,
+               "address of a rosbridge server, in place of DDS, for networks that DDS does not "
+               "cross; port 9090 if none is given")
+            ->type_name("HOST[:PORT]")
+            ->excludes(domain)
+            ->excludes(interface)
+            ->excludes(peer)
+            ->excludes(reliable);
   }
   /// After parsing. Throws SetupError.
   void check() const {
     if (name_space.starts_with('/')) {
       throw SetupError("--namespace = " + name_space + ": leave out the leading /");
+    }
+    if (rosbridge != nullptr && rosbridge->count() > 0) {
+      if (network.rosbridge.empty()) throw SetupError("--rosbridge: must be HOST or HOST:PORT");
+      return;
     }
     if (network.is_loopback() || domain->count() > 0) return;
     throw SetupError("--interface = " + network.interface +
@@ -172,7 +191,7 @@ int run_device(int argc, char** argv) {
        .is_of_one_side = true,
        .add_options =
            [&](CLI::App& app) {
-             common.add_to(app);
+             common.add_to(app, false);
              app.add_option("--axes", axes,
                             "what x (right), y (away from the person) and z (up) are in the frame "
                             "of the poses, such as \"-y x z\" (default: x y z)")

@@ -31,6 +31,9 @@ struct TopicType {
   const dds_topic_descriptor_t* descriptor = nullptr;
   const char* hash = "";  ///< RIHS01_…
 };
+/// geometry_msgs/msg/PoseStamped
+[[nodiscard]] std::string ros_name_of(const TopicType& type);
+
 template <class T>
 struct TypeOf;
 template <>

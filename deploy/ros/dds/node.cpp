@@ -91,6 +91,19 @@ dds_entity_t create_domain(const Network& network) {
 
 }  // namespace
 
+std::string ros_name_of(const TopicType& type) {
+  std::string name = type.descriptor->m_typename;  // PACKAGE::msg::dds_::NAME_
+  constexpr std::string_view kMiddle = "::msg::dds_::";
+  name.replace(name.find(kMiddle), kMiddle.size(), "/msg/");
+  name.pop_back();
+  return name;
+}
+
+std::string text_of(const Network& network) {
+  if (!network.rosbridge.empty()) return "rosbridge=" + network.rosbridge;
+  return "domain=" + std::to_string(network.domain) + " interface=" + network.interface;
+}
+
 std::string configuration_of(const Network& network) {
   if (network.domain > kHighestDomain) {
     throw SetupError("--domain = " + std::to_string(network.domain) + ": must be 0 to 232");
@@ -126,18 +139,28 @@ Entity::~Entity() {
 }
 
 Node::Node(const Network& network)
-    : domain_(create_domain(network), "--interface = " + network.interface +
-                                          ": DDS does not start there; is it an address or a name "
-                                          "of this machine (ip address)?"),
-      participant_(dds_create_participant(network.domain, nullptr, nullptr),
-                   "DDS does not start at " + network.interface +
-                       "; is it an address or a name of this machine (ip address)?"),
-      publications_(dds_create_reader(participant_.get(), DDS_BUILTIN_TOPIC_DCPSPUBLICATION,
-                                      nullptr, nullptr),
-                    "discovery"),
-      subscriptions_(dds_create_reader(participant_.get(), DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION,
-                                       nullptr, nullptr),
-                     "discovery") {}
+    : Node(network.rosbridge.empty() ? nullptr : std::make_unique<Rosbridge>(network.rosbridge),
+           network) {}
+
+Node::Node(std::unique_ptr<Rosbridge> bridge, const Network& network)
+    : bridge_(std::move(bridge)),
+      domain_(bridge_ ? Entity()
+                      : Entity(create_domain(network),
+                               "--interface = " + network.interface +
+                                   ": DDS does not start there; is it an address or a name of "
+                                   "this machine (ip address)?")),
+      participant_(bridge_ ? Entity()
+                           : Entity(dds_create_participant(network.domain, nullptr, nullptr),
+                                    "DDS does not start at " + network.interface +
+                                        "; is it an address or a name of this machine (ip "
+                                        "address)?")),
+      publications_(strangers(DDS_BUILTIN_TOPIC_DCPSPUBLICATION)),
+      subscriptions_(strangers(DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION)) {}
+
+Entity Node::strangers(dds_entity_t builtin_topic) const {
+  if (bridge_) return {};
+  return {dds_create_reader(participant_.get(), builtin_topic, nullptr, nullptr), "discovery"};
+}
 
 dds_entity_t Node::topic_of(const std::string& name, const TopicType& type) {
   // deleted with the participant; a topic of the same name and type may be created again
@@ -200,13 +223,16 @@ bool Node::wait(const Entity& arrivals, Duration longest) {
   return dds_waitset_wait(arrivals.get(), nullptr, 0, longest.count()) > 0;
 }
 
-void Node::note_strangers(const std::function<void(const std::string& line)>& say) {
+void Node::note_strangers(const Say& say) {
+  if (bridge_) {
+    for (const std::string& line : bridge_->take_lines()) say("rosbridge", line);
+    return;
+  }
   note(publications_.get(), true, say);
   note(subscriptions_.get(), false, say);
 }
 
-void Node::note(dds_entity_t reader, bool are_writers,
-                const std::function<void(const std::string& line)>& say) {
+void Node::note(dds_entity_t reader, bool are_writers, const Say& say) {
   std::array<void*, kMostStrangers> samples{};
   std::array<dds_sample_info_t, kMostStrangers> infos{};
   dds_guid_t own{};
@@ -218,7 +244,9 @@ void Node::note(dds_entity_t reader, bool are_writers,
     const auto& stranger = *static_cast<const dds_builtintopic_endpoint_t*>(samples[i]);
     if (std::memcmp(&stranger.participant_key, &own, sizeof own) == 0) continue;
     const std::string line = complaint_about(stranger, are_writers);
-    if (!line.empty() && said_.size() < kMostLines && said_.insert(line).second) say(line);
+    if (!line.empty() && said_.size() < kMostLines && said_.insert(line).second) {
+      say("ros_stranger", line);
+    }
   }
   if (count > 0) dds_return_loan(reader, samples.data(), count);
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // node.h — a participant of DDS whose topics and types are those that nodes of ROS 2 expect: topic
 // rt/NAME, type PACKAGE::msg::dds_::NAME_, the type's hash in USER_DATA. Its network is what the
-// options say; no variable of the environment and no file adds to it.
+// options say; no variable of the environment and no file adds to it. Or, where they name a
+// rosbridge server, its client: the same topics as JSON.
 #pragma once
 
 #include <dds/dds.h>
@@ -11,13 +12,18 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <set>
+#include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "common/core/time.h"
+#include "deploy/ros/dds/json_messages.h"
 #include "deploy/ros/dds/messages.h"
+#include "deploy/ros/rosbridge/rosbridge.h"
 
 namespace palpate::ros {
 
@@ -28,11 +34,15 @@ struct Network {
   std::string interface = "127.0.0.1";  ///< its address or name
   std::vector<std::string> peers{};     ///< addresses that are asked where multicast is not
   std::size_t largest_bytes = std::size_t{64} * 1024;  ///< of a sample, in or out
+  std::string rosbridge{};  ///< address of a server, in place of DDS; empty: DDS
 
   [[nodiscard]] bool is_loopback() const {
     return interface == "lo" || interface.starts_with("127.");
   }
 };
+
+/// For the log: "domain=0 interface=127.0.0.1", "rosbridge=192.168.1.5:9090".
+[[nodiscard]] std::string text_of(const Network& network);
 
 /// The configuration of Cyclone DDS. Throws SetupError.
 [[nodiscard]] std::string configuration_of(const Network& network);
@@ -48,6 +58,8 @@ enum class Offer : std::uint8_t {
 /// An entity of DDS, deleted with what it contains at the end.
 class Entity {
  public:
+  /// None.
+  Entity() = default;
   /// @throws SetupError  it is an error: "what (why)"
   Entity(dds_entity_t entity, const std::string& what);
   ~Entity();
@@ -59,19 +71,29 @@ class Entity {
   [[nodiscard]] dds_entity_t get() const { return entity_; }
 
  private:
-  dds_entity_t entity_;
+  dds_entity_t entity_ = 0;
 };
 
 template <class T>
 class Writer {
  public:
   explicit Writer(Entity writer) : writer_(std::move(writer)) {}
+  /// @param bridge  must outlive it
+  Writer(Rosbridge& bridge, std::string topic) : bridge_(&bridge), topic_(std::move(topic)) {}
 
-  /// @return false: left out, because reliable readers do not keep up
-  bool write(const T& message) { return dds_write(writer_.get(), &message) == DDS_RETCODE_OK; }
-  /// Matched so far, those that have gone included.
-  [[nodiscard]] std::uint32_t readers_so_far() const { return matched().total_count; }
-  [[nodiscard]] bool has_reader() const { return matched().current_count > 0; }
+  /// @return false: left out, because reliable readers, or the server, do not keep up
+  bool write(const T& message) {
+    if (bridge_ != nullptr) return bridge_->publish(topic_, json_of(message));
+    return dds_write(writer_.get(), &message) == DDS_RETCODE_OK;
+  }
+  /// Matched so far, those that have gone included. Of a server's nothing is known: its
+  /// connections.
+  [[nodiscard]] std::uint32_t readers_so_far() const {
+    return bridge_ != nullptr ? bridge_->connections() : matched().total_count;
+  }
+  [[nodiscard]] bool has_reader() const {
+    return bridge_ != nullptr ? bridge_->is_connected() : matched().current_count > 0;
+  }
 
  private:
   [[nodiscard]] dds_publication_matched_status_t matched() const {
@@ -81,12 +103,14 @@ class Writer {
   }
 
   Entity writer_;
+  Rosbridge* bridge_ = nullptr;
+  std::string topic_;
 };
 
 /// What came with a message.
 struct Arrival {
-  std::uint64_t source = 0;  ///< of the writer; not 0
-  std::int64_t sent_ns = 0;  ///< its wall clock
+  std::uint64_t source = 0;  ///< of the writer, or of all behind one server; not 0
+  std::int64_t sent_ns = 0;  ///< its wall clock, or when it came from the server
 };
 
 /// What is wrong with the type of the writer of a sample; empty: nothing.
@@ -101,10 +125,21 @@ class Reader {
   static constexpr std::uint32_t kDepth = 8;
 
   explicit Reader(Entity reader) : reader_(std::move(reader)) {}
+  explicit Reader(std::shared_ptr<Inbox> inbox) : inbox_(std::move(inbox)) {}
 
   /// Takes what has come since the last call, oldest first, of each burst the newest kDepth.
   template <class Take>
   void take(Take&& take) {
+    if constexpr (std::is_same_v<T, WrenchStamped>) {
+      if (inbox_) {
+        for (const Inbox::Message& one : inbox_->take()) {
+          ReadWrench wrench;
+          read_json(one.json, wrench);
+          take(wrench.message, Arrival{.source = 1, .sent_ns = one.received_ns});
+        }
+        return;
+      }
+    }
     std::array<void*, kDepth> samples{};
     std::array<dds_sample_info_t, kDepth> infos{};
     const dds_return_t count =
@@ -119,6 +154,7 @@ class Reader {
   [[nodiscard]] dds_entity_t get() const { return reader_.get(); }
   /// Whether the fields of what this writer sends are ours. By the thread of take().
   [[nodiscard]] bool is_known_type(std::uint64_t source) {
+    if (inbox_) return true;  // a server compares types by name
     if (source != judged_source_) {
       judged_source_ = source;
       is_known_ = complaint_about(reader_.get(), source, TypeOf<T>::kType).empty();
@@ -134,12 +170,13 @@ class Reader {
 
  private:
   Entity reader_;
+  std::shared_ptr<Inbox> inbox_;
   std::uint64_t judged_source_ = 0;  // whose type was looked at last
   bool is_known_ = false;
 };
 
-/// A participant, its writers and readers. Its functions may be called by several threads, but for
-/// writer() and reader().
+/// A participant or a client, its writers and readers. Its functions may be called by several
+/// threads, but for writer() and reader().
 class Node {
  public:
   /// @throws SetupError  wrong network
@@ -148,11 +185,21 @@ class Node {
   /// @param topic  without rt/
   template <class T>
   [[nodiscard]] Writer<T> writer(const std::string& topic, Offer offer) {
+    if (bridge_) {
+      bridge_->advertise("/" + topic, ros_name_of(TypeOf<T>::kType), offer == Offer::kLatched);
+      return Writer<T>(*bridge_, "/" + topic);
+    }
     return Writer<T>(make_writer(topic, TypeOf<T>::kType, offer));
   }
   /// Of any writer, reliable or not. Keeps Reader::kDepth.
   template <class T>
   [[nodiscard]] Reader<T> reader(const std::string& topic) {
+    if (bridge_) {
+      if constexpr (std::is_same_v<T, WrenchStamped>) {
+        return Reader<T>(bridge_->subscribe("/" + topic, ros_name_of(TypeOf<T>::kType)));
+      }
+      throw std::logic_error("of a rosbridge server only wrenches are read");
+    }
     return Reader<T>(
         make_reader(topic, TypeOf<T>::kType, static_cast<int>(Reader<T>::kDepth), false));
   }
@@ -168,12 +215,16 @@ class Node {
   /// @return whether one is there; false: not within `longest`
   [[nodiscard]] static bool wait(const Entity& arrivals, Duration longest);
 
+  using Say = std::function<void(const char* event, const std::string& line)>;
   /// Calls `say` for each stranger on these topics that is not understood or does not hear: another
   /// type, another definition of the type, a quality that is not offered. Each line once. At most
-  /// 32 strangers a call, and 100 lines in all.
-  void note_strangers(const std::function<void(const std::string& line)>& say);
+  /// 32 strangers a call, and 100 lines in all. Of a rosbridge server what take_lines() gives.
+  void note_strangers(const Say& say);
 
  private:
+  Node(std::unique_ptr<Rosbridge> bridge, const Network& network);
+  [[nodiscard]] Entity strangers(dds_entity_t builtin_topic) const;
+
   struct Local {
     TopicType type;
     bool is_writer = false;
@@ -184,9 +235,9 @@ class Node {
   [[nodiscard]] dds_entity_t topic_of(const std::string& name, const TopicType& type);
   [[nodiscard]] std::string complaint_about(const dds_builtintopic_endpoint_t& stranger,
                                             bool is_writer) const;
-  void note(dds_entity_t reader, bool are_writers,
-            const std::function<void(const std::string& line)>& say);
+  void note(dds_entity_t reader, bool are_writers, const Say& say);
 
+  std::unique_ptr<Rosbridge> bridge_;  // null: DDS
   Entity domain_;
   Entity participant_;
   Entity publications_;                       // of strangers

@@ -73,9 +73,8 @@ class Bridge {
         forces_(node_.writer<WrenchStamped>(topics_ + "/servo_cf", options.offer)),
         arrivals_(node_.arrivals_of(poses_.get())),
         gate_(options.axes, options.base_frame) {
-    context_.log.info(
-        "event=ros_device socket={} domain={} interface={} in={}/measured_cp out={}/servo_cf",
-        socket, options.network.domain, options.network.interface, topics_, topics_);
+    context_.log.info("event=ros_device socket={} {} in={}/measured_cp out={}/servo_cf", socket,
+                      text_of(options.network), topics_, topics_);
   }
 
   void run() {
@@ -228,8 +227,8 @@ class Bridge {
     held_ = is_old ? 0 : pressed_.of_all();
   }
   void report(TimePoint now) {
-    node_.note_strangers([&](const std::string& line) {
-      context_.log.warn("event=ros_stranger what=\"{}\"", line);
+    node_.note_strangers([&](const char* event, const std::string& line) {
+      context_.log.warn("event={} what=\"{}\"", event, line);
     });
     if (const std::string refused = server_.take_refusal(); !refused.empty()) {
       context_.log.warn("event=peer_refused socket={} reason=\"{}\"", server_.path(), refused);

@@ -48,40 +48,40 @@ void run_ros_physics(NodeContext& context, ProcessLinks& links, const RosPhysics
   const auto moved = std::make_shared<physics::MovedSurfaces>();
   const std::vector<sdk::Surface> no_surfaces;
   TimePoint next_report{};
-  physics::run_process(
-      context, links,
-      {.make_engine =
-           [&](const Side& side) {
-             const std::string topics =
-                 options.name_space + (side.name.empty() ? "" : "/" + side.name);
-             const std::string forces = options.force_topic.starts_with('/')
-                                            ? options.force_topic.substr(1)
-                                            : topics + "/" + options.force_topic;
-             auto engine = std::make_unique<RosEngine>(
-                 node, context.clock, topics + "/servo_cp", forces, options.offer, options.wrench,
-                 side.mofc.interaction == InteractionUse::kLocal);
-             tools.push_back({.topics = topics, .engine = engine.get()});
-             context.log.info("event=ros domain={} interface={} out={}/servo_cp in={}",
-                              options.network.domain, options.network.interface, topics, forces);
-             return engine;
-           },
-       .make_display =
-           [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
-             return std::make_unique<physics::ForeignDisplay>(
-                 session, context.session_id, no_surfaces, moved, scene_out, mesh_out);
-           },
-       .on_pump =
-           [&](TimePoint now) {
-             if (now < next_report) return;
-             next_report = now + kReportInterval;
-             node.note_strangers([&](const std::string& line) {
-               context.log.warn("event=ros_stranger what=\"{}\"", line);
-             });
-             for (Tool& tool : tools) {
-               tool.engine->report(now, context.log);
-               tool.counts = tool.engine->counts();
-             }
-           }});
+  physics::run_process(context, links,
+                       {.make_engine =
+                            [&](const Side& side) {
+                              const std::string topics =
+                                  options.name_space + (side.name.empty() ? "" : "/" + side.name);
+                              const std::string forces = options.force_topic.starts_with('/')
+                                                             ? options.force_topic.substr(1)
+                                                             : topics + "/" + options.force_topic;
+                              auto engine = std::make_unique<RosEngine>(
+                                  node, context.clock, topics + "/servo_cp", forces, options.offer,
+                                  options.wrench, side.mofc.interaction == InteractionUse::kLocal);
+                              tools.push_back({.topics = topics, .engine = engine.get()});
+                              context.log.info("event=ros {} out={}/servo_cp in={}",
+                                               text_of(options.network), topics, forces);
+                              return engine;
+                            },
+                        .make_display =
+                            [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
+                              return std::make_unique<physics::ForeignDisplay>(
+                                  session, context.session_id, no_surfaces, moved, scene_out,
+                                  mesh_out);
+                            },
+                        .on_pump =
+                            [&](TimePoint now) {
+                              if (now < next_report) return;
+                              next_report = now + kReportInterval;
+                              node.note_strangers([&](const char* event, const std::string& line) {
+                                context.log.warn("event={} what=\"{}\"", event, line);
+                              });
+                              for (Tool& tool : tools) {
+                                tool.engine->report(now, context.log);
+                                tool.counts = tool.engine->counts();
+                              }
+                            }});
   for (const Tool& tool : tools) log_end(context.log, tool.topics, tool.counts);
 }
 

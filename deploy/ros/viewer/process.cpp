@@ -32,8 +32,8 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
   }
   SceneTopics scene(node, options.topics.name_space);
   scene.write_bases(session, sides);
-  context.log.info("event=ros domain={} interface={} out={}/measured_cp", options.network.domain,
-                   options.network.interface, options.topics.name_space);
+  context.log.info("event=ros {} out={}/measured_cp", text_of(options.network),
+                   options.topics.name_space);
 
   std::vector<viewer::TelemetryMirror> mirrors(session.sides.size());
   viewer::TelemetryFeed feed(session, context.clock, links);
@@ -63,8 +63,9 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
     heap.note(now);
     if (now < next_strangers) continue;
     next_strangers = now + kStrangersInterval;
-    node.note_strangers(
-        [&](const std::string& line) { context.log.warn("event=ros_stranger what=\"{}\"", line); });
+    node.note_strangers([&](const char* event, const std::string& line) {
+      context.log.warn("event={} what=\"{}\"", event, line);
+    });
   }
   for (const SideTopics* side : sides) {
     if (side->left_out() > 0) {
