@@ -23,7 +23,7 @@ namespace pb = google::protobuf;
 
 using ::testing::HasSubstr;
 
-std::string content_of(const char* file) {
+std::string content_of(const std::string& file) {
   std::ifstream stream(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
 }

@@ -177,6 +177,23 @@ for (const [name, wrong, line] of wrongs) {
   });
 }
 
+test("what the server complains of is said: a topic that has another type", kLimit, async () => {
+  await connect();
+  topic("/palpate/measured_cp", "std_msgs/msg/Float64").advertise();
+  await until(() => server.types.has("/palpate/measured_cp"), "advertised");
+  const session = join(root, "deploy/sessions/default.txtpb");
+  const shown = start("palpate", "ros", "--session", session, "--rosbridge", `127.0.0.1:${server.port}`);
+  await until(() => shown.log.includes('event=rosbridge what="the server says: /palpate/measured_cp is std_msgs/msg/Float64, not geometry_msgs/msg/PoseStamped"'), "said");
+  await stopped(shown);
+  // and the server does look at what it passes on
+  const states = topic("/palpate/operating_state", "crtk_msgs/msg/OperatingState");
+  for (const [message, fault] of [[{ state: 3 }, /state is no string/], [{ is_home: true }, /is_home is not in/], [{ header: { stamp: { secs: 1 } } }, /no time/]]) {
+    server.faults.length = 0;
+    states.publish(message);
+    await until(() => server.faults.some((text) => fault.test(text)), () => `${fault}: ${server.faults}`);
+  }
+});
+
 test("no server, no address, and a port that speaks no WebSocket are said", kLimit, async () => {
   const session = join(root, "deploy/sessions/default.txtpb");
   const { port } = server;
