@@ -40,6 +40,8 @@ struct CommonOptions {
   std::string name_space = "palpate";
   bool is_reliable = false;
   CLI::Option* domain = nullptr;
+  CLI::Option* interface = nullptr;
+  CLI::Option* peer = nullptr;
   CLI::Option* rosbridge = nullptr;  // none: it is not offered
 
   void add_to(CLI::App& app, bool has_rosbridge = true) {
@@ -47,34 +49,26 @@ struct CommonOptions {
                             "domain of DDS, as ROS_DOMAIN_ID, which is not read (default: 0)")
                  ->type_name("N")
                  ->check(CLI::Range(0, 232));
-    CLI::Option* interface =
-        app.add_option("--interface", network.interface,
-                       "address or name of the interface for DDS (default: 127.0.0.1, this machine "
-                       "only); another one needs --domain")
-            ->type_name("ADDRESS");
-    CLI::Option* peer =
-        app.add_option("--peer", network.peers,
-                       "address of a machine that multicast does not reach; may be repeated")
-            ->type_name("ADDRESS")
-            ->allow_extra_args(false);
+    interface = app.add_option("--interface", network.interface,
+                               "address or name of the interface for DDS (default: 127.0.0.1, this "
+                               "machine only); another one needs --domain")
+                    ->type_name("ADDRESS");
+    peer = app.add_option("--peer", network.peers,
+                          "address of a machine that multicast does not reach; may be repeated")
+               ->type_name("ADDRESS")
+               ->allow_extra_args(false);
     app.add_option("--namespace", name_space, "of the topics (default: palpate)")
         ->type_name("NAME")
         ->check(is_topic());
-    CLI::Option* reliable =
-        app.add_flag("--reliable", is_reliable,
-                     "offer reliable topics, for subscribers that ask for it (default: the QoS of "
-                     "sensor data, best effort)");
+    app.add_flag("--reliable", is_reliable,
+                 "offer reliable topics, for subscribers that ask for it (default: the QoS of "
+                 "sensor data, best effort)");
     if (!has_rosbridge) return;
     rosbridge =
-        app.add_option(
-               "--rosbridge", network.rosbridge,
-               "address of a rosbridge server, in place of DDS, for networks that DDS does not "
-               "cross; port 9090 if none is given")
-            ->type_name("HOST[:PORT]")
-            ->excludes(domain)
-            ->excludes(interface)
-            ->excludes(peer)
-            ->excludes(reliable);
+        app.add_option("--rosbridge", network.rosbridge,
+                       "address of a rosbridge server, in place of DDS and its options, for "
+                       "networks that DDS does not cross (default port: 9090)")
+            ->type_name("HOST[:PORT]");
   }
   /// After parsing. Throws SetupError.
   void check() const {
@@ -83,6 +77,11 @@ struct CommonOptions {
     }
     if (rosbridge != nullptr && rosbridge->count() > 0) {
       if (network.rosbridge.empty()) throw SetupError("--rosbridge: must be HOST or HOST:PORT");
+      if (domain->count() + interface->count() + peer->count() > 0 || is_reliable) {
+        throw SetupError(
+            "--rosbridge: leave out --domain, --interface, --peer and --reliable, which are for "
+            "DDS");
+      }
       return;
     }
     if (network.is_loopback() || domain->count() > 0) return;
