@@ -275,7 +275,7 @@ constexpr double kNeedleTip_m = 0.0007;
 constexpr double kFlavumEnds_m = 0.033;
 
 TEST_F(Tasks, TheGoodHandStopsBehindTheMembraneAndThePoorOneIsToldWhatItHurt) {
-  const auto run = [&](const char* session, const std::string& name) {
+  const auto run = [&](const std::string& session, const std::string& name) {
     Outcome outcome = palpate({"loopback", session, "--no-ideal", "--csv", path(name + ".csv"),
                                "--json", path(name + ".json"), "--record", path(name + ".mcap")});
     EXPECT_EQ(outcome.status, 0) << outcome.err;
@@ -331,7 +331,7 @@ TEST_F(Tasks, WhatAStiffHandDoesWithANeedleFollowsFromItsPath) {
 }
 
 TEST_F(Tasks, TheGoodHandHoldsTheTissueAtTheTargetAndThePoorOneTearsIt) {
-  const auto run = [&](const char* session, const std::string& name) {
+  const auto run = [&](const std::string& session, const std::string& name) {
     Outcome outcome = palpate({"loopback", kTasks + session, "--no-ideal", "--json",
                                path(name + ".json"), "--record", path(name + ".mcap")});
     EXPECT_EQ(outcome.status, 0) << outcome.err;
