@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// places.h — where the tree and its programs are, compiled once: all that tests compile is the same in
-// every clone, so that ccache knows it.
+// places.h — where the tree and its programs are, compiled once: all that tests compile is the same
+// in every clone, so that ccache knows it.
 #pragma once
 
 #include <string>
