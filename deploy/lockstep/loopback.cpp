@@ -79,8 +79,9 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
 
   std::optional<TaskEvaluator> task;
   if (session.task && options.task_score != nullptr) {
-    task.emplace(*session.task, session.scene.tool(),
-                 TaskEvaluator::Options{.starts_with_run = true});
+    TaskConfig config = *session.task;
+    config.is_started_by_person = false;  // nobody can
+    task.emplace(config, session.scene.tool());
     task->take(lockstep_scene(session));
   }
 

@@ -67,7 +67,8 @@ struct CommonOptions {
     rosbridge =
         app.add_option("--rosbridge", network.rosbridge,
                        "address of a rosbridge server, in place of DDS and its options, for "
-                       "networks that DDS does not cross (default port: 9090)")
+                       "networks that DDS does not cross; [::1]:9090 of IPv6 (default port: "
+                       "9090)")
             ->type_name("HOST[:PORT]");
   }
   /// After parsing. Throws SetupError.
@@ -103,7 +104,8 @@ int run_viewer(int argc, char** argv) {
       {.name = "ros",
        .program = "palpate ros",
        .description =
-           "Shows a running session or a replay to nodes of ROS 2, by DDS: measured_cp, "
+           "Shows a running session or a replay to nodes of ROS 2, by DDS or a rosbridge server: "
+           "measured_cp, "
            "measured_cv, measured_cf, servo_cf, measured_js, operating_state, energy, tf and "
            "markers. Receives nothing. `palpate ros physics --help`: forces from ROS 2.",
        .add_options =
@@ -132,10 +134,10 @@ int run_physics(int argc, char** argv) {
       argc, argv,
       {.name = "physics",
        .program = "palpate ros physics",
-       .description =
-           "A publisher of ROS 2 as the physics of a session, by DDS: servo_cp goes out, "
-           "measured_cf, the force on the tool, comes in. For physics { command: "
-           "[\"palpate_ros\", \"physics\"] }.",
+       .description = "A publisher of ROS 2 as the physics of a session, by DDS or a rosbridge "
+                      "server: servo_cp goes out, "
+                      "measured_cf, the force on the tool, comes in. For physics { command: "
+                      "[\"palpate_ros\", \"physics\"] }.",
        .signals = "SIGUSR1 writes the last ticks to a file (the log names it).",
        .launched = physics::launched_session,
        .add_options =

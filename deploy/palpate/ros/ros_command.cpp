@@ -55,7 +55,7 @@ struct RosCommand {
 
 Command add_ros_command(CLI::App& app) {
   return add_command<RosCommand>(app, "ros",
-                                 "Exchange a running session with nodes of ROS 2, by DDS.");
+                                 "Exchange a running session with nodes of ROS 2, by DDS or a rosbridge server.");
 }
 
 }  // namespace palpate

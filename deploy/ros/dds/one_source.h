@@ -32,6 +32,7 @@ class OneSource {
   }
   /// 0: none yet.
   [[nodiscard]] std::uint64_t source() const noexcept { return source_; }
+  [[nodiscard]] std::int64_t last_stamp_ns() const noexcept { return last_stamp_ns_; }
   [[nodiscard]] std::optional<TimePoint> taken_at() const noexcept { return taken_at_; }
 
  private:

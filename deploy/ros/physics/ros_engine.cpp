@@ -6,6 +6,13 @@
 
 namespace palpate::ros {
 
+namespace {
+
+/// Poses for a source that is behind.
+constexpr Duration kBehindInterval = std::chrono::milliseconds(20);
+
+}  // namespace
+
 sdk::Answer RosEngine::ToldForce::step(const sdk::Motion& motion) {
   static_cast<void>(motion);
   return {.force_on_tool_newton = force_newton_};
@@ -58,6 +65,12 @@ void RosEngine::rethrow() {
 }
 
 void RosEngine::send(const ToolMotion& motion, std::int64_t now_ns) {
+  if (gate_.is_behind(now_ns) && now_ns - last_pose_ns_ < kBehindInterval.count()) {
+    const std::scoped_lock lock(mutex_);
+    ++counts_.poses_left_out;
+    return;
+  }
+  last_pose_ns_ = now_ns;
   gate_.sent(motion, now_ns);
   const bool is_sent =
       poses_.write({.header = header_of(now_ns, world_frame_),

@@ -29,7 +29,7 @@ namespace palpate::ros {
 /// What has come so far.
 struct WrenchCounts {
   std::uint64_t poses = 0;           ///< while somebody listens
-  std::uint64_t poses_left_out = 0;  ///< reliable subscribers do not keep up
+  std::uint64_t poses_left_out = 0;  ///< reliable subscribers, the server or the source is behind
   std::uint64_t taken = 0;
   std::uint64_t sources = 0;  ///< of these: from another publisher than the one before
   std::array<std::uint64_t, kWrenchRefusals> refused{};  ///< by WrenchRefusal
@@ -80,6 +80,7 @@ class RosEngine final : public physics::Engine {
   physics::ForeignEngine estimate_;
   ToolMotion answered_;
   std::int64_t last_stamp_ns_ = 0;
+  std::int64_t last_pose_ns_ = 0;  // that was sent
   std::exception_ptr error_;
 
   mutable std::mutex mutex_;  // what the thread of report() reads: these, and what gate_ has taken

@@ -16,15 +16,15 @@ const char* explain(WrenchRefusal refusal) {
     case WrenchRefusal::kOtherSource:
       return "another publisher is heard; end one of the two";
     case WrenchRefusal::kNotFinite:
-      return "a component is NaN or infinite";
+      return "a component is missing, NaN or infinite";
     case WrenchRefusal::kUnknownFrame:
       return "its frame_id is neither that of the world nor that of the tool; name them with "
              "--world-frame and --tool-frame";
     case WrenchRefusal::kTooLarge:
       return "it is above --max-force; is it in newton?";
     case WrenchRefusal::kNotNewer:
-      return "its stamp is not later than that of the last one: it is repeated or out of order; a "
-             "publisher whose clock was set back must be started again";
+      return "its stamp is missing, or not later than that of the last one: it is repeated or out "
+             "of order; a publisher whose clock was set back must be silent for a second";
     case WrenchRefusal::kTooLate:
       return "it answers a pose that is more than 200 ms old";
     case WrenchRefusal::kUnknownPose:
@@ -34,6 +34,7 @@ const char* explain(WrenchRefusal refusal) {
 }
 
 void WrenchGate::sent(const ToolMotion& motion, std::int64_t stamp_ns) noexcept {
+  if (sent_ == 0) first_sent_ns_ = stamp_ns;
   poses_[sent_++ % kPoses] = {.stamp_ns = stamp_ns,
                               .device_session_id = motion.device_session_id,
                               .device_sequence = motion.device_sequence,
@@ -64,29 +65,50 @@ const SentPose* WrenchGate::with_stamp(std::int64_t stamp_ns) const noexcept {
   return nullptr;
 }
 
+/// So long ago that the pose is forgotten.
+bool WrenchGate::was_sent(std::int64_t stamp_ns) const noexcept {
+  return sent_ > kPoses && stamp_ns >= first_sent_ns_ && stamp_ns < poses_[sent_ % kPoses].stamp_ns;
+}
+
 WrenchRefusal WrenchGate::judge(const Wrench& wrench, TimePoint now, std::int64_t now_ns,
                                 TakenForce& taken) noexcept {
   if (!wrench.is_known_type) return WrenchRefusal::kUnknownType;
   if (source_.is_taken(wrench.source, now)) return WrenchRefusal::kOtherSource;
+  const bool was_silent = now - heard_at_ >= kSourceSilence;
+  heard_at_ = now;
   if (!wrench.force_newton.allFinite()) return WrenchRefusal::kNotFinite;
   const bool is_in_tool = wrench.frame == settings_.tool_frame;
   if (!is_in_tool && wrench.frame != settings_.world_frame) return WrenchRefusal::kUnknownFrame;
   if (wrench.force_newton.norm() > settings_.max_force_newton) return WrenchRefusal::kTooLarge;
-  if (source_.is_repeated(wrench.source, wrench.stamp_ns)) return WrenchRefusal::kNotNewer;
 
   // which pose it answers
   const SentPose* pose = with_stamp(wrench.stamp_ns);
   const bool names_pose = pose != nullptr;
+  if ((names_pose || was_sent(wrench.stamp_ns)) && wrench.stamp_ns > newest_named_ns_) {
+    const std::int64_t age_ns = now_ns - wrench.stamp_ns;
+    const bool is_first = newest_named_ns_ == 0;
+    shortest_answer_ns_ = is_first ? age_ns : std::min(shortest_answer_ns_, age_ns);
+    newest_named_ns_ = wrench.stamp_ns;
+  }
   if (!names_pose) {
-    if (source_.is(wrench.source) && names_poses_) return WrenchRefusal::kUnknownPose;
+    if (source_.is(wrench.source) && names_poses_) {
+      return was_sent(wrench.stamp_ns) ? WrenchRefusal::kTooLate : WrenchRefusal::kUnknownPose;
+    }
+    if (source_.is_repeated(wrench.source, wrench.stamp_ns) &&
+        !(was_silent && wrench.stamp_ns < source_.last_stamp_ns())) {
+      return WrenchRefusal::kNotNewer;
+    }
     pose = newest();
     if (pose == nullptr) return WrenchRefusal::kUnknownPose;
+  } else if (wrench.stamp_ns <= last_named_ns_) {  // whatever other stamps have come from there
+    return WrenchRefusal::kNotNewer;
   } else if (now_ns - wrench.stamp_ns > kOldestAnswer.count()) {
     return WrenchRefusal::kTooLate;
   }
 
   source_.take(wrench.source, wrench.stamp_ns, now);
   names_poses_ = names_pose;
+  if (names_pose) last_named_ns_ = wrench.stamp_ns;
   taken.answers = *pose;
   taken.age.reset();
   if (names_pose) taken.age = Duration(now_ns - wrench.stamp_ns);

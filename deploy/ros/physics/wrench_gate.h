@@ -4,7 +4,8 @@
 //
 // A source that puts the stamp of the pose into its answer says what it answers: the force is
 // compared with the tissue where the tool was, and its age is known. Stamps of a clock of its own
-// only tell the order: such a force counts for the newest pose.
+// only tell the order: such a force counts for the newest pose. After a second in which nothing
+// came they may begin anew.
 #pragma once
 
 #include <array>
@@ -19,6 +20,8 @@
 
 namespace palpate::ros {
 
+/// More than twice the shortest time of an answer and this, and a source is behind.
+inline constexpr Duration kMostBehind = std::chrono::milliseconds(50);
 /// An answer to a pose that is older is refused.
 inline constexpr Duration kOldestAnswer = std::chrono::milliseconds(200);
 
@@ -47,7 +50,7 @@ enum class WrenchRefusal : std::uint8_t {
   kUnknownFrame,
   kTooLarge,
   kNotNewer,     ///< repeated or reordered
-  kTooLate,      ///< it answers a pose older than kOldestAnswer
+  kTooLate,      ///< it answers a pose older than kOldestAnswer, perhaps forgotten
   kUnknownPose,  ///< no pose with its stamp was sent
 };
 inline constexpr std::size_t kWrenchRefusals = 9;
@@ -85,6 +88,13 @@ class WrenchGate {
   [[nodiscard]] WrenchRefusal judge(const Wrench& wrench, TimePoint now, std::int64_t now_ns,
                                     TakenForce& taken) noexcept;
 
+  /// Whether the newest pose that a force of any age has named is older than such answers take:
+  /// poses wait somewhere on the way, and more of them would only wait longer.
+  [[nodiscard]] bool is_behind(std::int64_t now_ns) const noexcept {
+    return newest_named_ns_ > 0 &&
+           now_ns - newest_named_ns_ > 2 * shortest_answer_ns_ + kMostBehind.count();
+  }
+
   /// When the last force was taken; none: not yet.
   [[nodiscard]] std::optional<TimePoint> taken_at() const noexcept { return source_.taken_at(); }
   /// Whose that was; 0: none yet.
@@ -95,12 +105,18 @@ class WrenchGate {
 
   [[nodiscard]] const SentPose* newest() const noexcept;
   [[nodiscard]] const SentPose* with_stamp(std::int64_t stamp_ns) const noexcept;
+  [[nodiscard]] bool was_sent(std::int64_t stamp_ns) const noexcept;
 
   WrenchSettings settings_;
   std::array<SentPose, kPoses> poses_{};  // a ring
   std::uint64_t sent_ = 0;
   OneSource source_;          // of the last force that was taken
   bool names_poses_ = false;  // that source does
+  std::int64_t first_sent_ns_ = 0;
+  std::int64_t last_named_ns_ = 0;    // of the newest pose whose answer was taken
+  std::int64_t newest_named_ns_ = 0;  // likewise, taken or not
+  std::int64_t shortest_answer_ns_ = 0;
+  TimePoint heard_at_{};  // a message of the source, taken or not
 };
 
 }  // namespace palpate::ros

@@ -2,6 +2,7 @@
 #include "deploy/ros/rosbridge/rosbridge.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <boost/asio/bind_executor.hpp>
 #include <boost/asio/io_context.hpp>
@@ -17,7 +18,7 @@
 #include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <set>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -37,13 +38,16 @@ constexpr auto kAnswerTimeout = std::chrono::seconds(5);
 constexpr auto kIdleTimeout = std::chrono::seconds(10);  // asked with a ping after half of it
 constexpr auto kRetryInterval = std::chrono::seconds(1);
 constexpr std::size_t kLargestMessageIn = std::size_t{1} << 20U;
-/// Beyond, messages of sensors are left out.
-constexpr std::size_t kMostWaitingBytes = std::size_t{1} << 20U;
+/// What a server is behind with is old when it is read, and TCP would keep it all. So each message
+/// is followed by a ping, unless one is on its way; beyond twice the shortest way of those and
+/// this, the messages of sensors are left out until its pong comes.
+constexpr auto kMostBehind = std::chrono::milliseconds(20);
 /// Beyond, so are those that are kept for later.
-constexpr std::size_t kMostWaitingKeptBytes = std::size_t{64} << 20U;
+constexpr std::size_t kMostWaitingBytes = std::size_t{64} << 20U;
+constexpr auto kLineInterval = std::chrono::seconds(1);
 /// Of messages that are kept for later, how many the server is asked to hold.
 constexpr int kKeptDepth = 256;
-constexpr std::size_t kMostLines = 100;
+constexpr std::size_t kMostLines = 100;  // between two take_lines()
 constexpr std::size_t kLongestShown = 200;
 
 /// What a server says may be anything.
@@ -58,6 +62,7 @@ std::string shown(const std::string& text) {
 struct Address {
   std::string host;
   std::string port = "9090";
+  std::string name;  // both, for people and for the handshake
 };
 
 Address address_of(const std::string& text) {
@@ -76,8 +81,12 @@ Address address_of(const std::string& text) {
     address.port = rest.substr(colon + 1);
     rest.resize(colon);
   }
-  if (is_bracketed && rest.size() > 2 && rest.ends_with(']'))
+  address.name = rest + ":" + address.port;
+  if (is_bracketed && rest.ends_with(']')) {
     rest = rest.substr(1, rest.size() - 2);
+  } else if (rest.find_first_of(":[]") != std::string::npos) {
+    throw wrong("write an address of IPv6 in brackets, such as [::1]:9090");
+  }
   address.host = rest;
   const bool is_number = !address.port.empty() && address.port.size() <= 5 &&
                          address.port.find_first_not_of("0123456789") == std::string::npos;
@@ -132,7 +141,7 @@ class Rosbridge::Impl {
  public:
   explicit Impl(const std::string& address)
       : address_(address_of(address)),
-        name_(address_.host + ":" + address_.port),
+        name_(address_.name),
         resolver_(io_),
         retry_(io_),
         thread_([this] {
@@ -164,13 +173,15 @@ class Rosbridge::Impl {
     const std::scoped_lock lock(mutex_);
     Advertised& advertised = advertised_[topic];
     if (text.size() > kLargestBytes) {
-      say("a message of " + topic + " has " + std::to_string(text.size()) +
-          " bytes and is left out: a server takes 10,000,000 (max_message_size)");
+      say(Line::kTooLarge, "a message of " + topic + " has " + std::to_string(text.size()) +
+                               " bytes and is left out: a server takes 10,000,000 "
+                               "(max_message_size)");
       return false;
     }
     if (advertised.is_kept) advertised.newest = text;
     if (!is_connected_) return true;
-    if (waiting_bytes_ > (advertised.is_kept ? kMostWaitingKeptBytes : kMostWaitingBytes)) {
+    if (advertised.is_kept ? waiting_bytes_ > kMostWaitingBytes : is_behind()) {
+      say(Line::kBehind, name_ + " is behind: messages are left out");
       return false;
     }
     send(std::move(text));
@@ -201,6 +212,13 @@ class Rosbridge::Impl {
     bool is_writing = false;
   };
   using Shared = std::shared_ptr<Connection>;
+  using Steady = std::chrono::steady_clock;
+  /// What may be said again and again.
+  enum class Line : std::uint8_t { kTooLarge, kBehind, kStatus, kNoJson };
+  struct Said {
+    Steady::time_point at{};
+    std::uint64_t more = 0;  // since then
+  };
 
   // --- by any thread, with the lock
 
@@ -213,9 +231,21 @@ class Rosbridge::Impl {
   void tell(std::string line) {
     if (lines_.size() < kMostLines) lines_.push_back(std::move(line));
   }
-  /// Once.
-  void say(const std::string& line) {
-    if (said_.size() < kMostLines && said_.insert(line).second) tell(line);
+  /// At most once a second.
+  void say(Line kind, std::string line) {
+    Said& said = said_[static_cast<std::size_t>(kind)];
+    const Steady::time_point now = Steady::now();
+    if (said.at != Steady::time_point{} && now - said.at < kLineInterval) {
+      ++said.more;
+      return;
+    }
+    if (said.more > 0) line += " (and " + std::to_string(said.more) + " before)";
+    said = {.at = now};
+    tell(std::move(line));
+  }
+  [[nodiscard]] bool is_behind() const {
+    return unanswered_since_ &&
+           Steady::now() - *unanswered_since_ > 2 * shortest_way_ + kMostBehind;
   }
 
   // --- by the thread of the connection
@@ -261,7 +291,7 @@ class Rosbridge::Impl {
       const std::scoped_lock lock(mutex_);
       is_connected_ = true;
       ++connections_;
-      has_told_absence_ = false;
+      told_absence_.clear();
       tell("connected to " + name_);
       for (const auto& [topic, entry] : advertised_) {
         send(advertisement(topic, entry.type, entry.is_kept));
@@ -271,7 +301,29 @@ class Rosbridge::Impl {
         if (!entry.newest.empty()) send(entry.newest);
       }
     }
+    connection->socket.control_callback([this](websocket::frame_type kind, const auto&) {
+      if (kind == websocket::frame_type::pong) answered();
+    });
     read(connection);
+  }
+
+  void ping(const Shared& connection) {
+    {
+      const std::scoped_lock lock(mutex_);
+      if (std::exchange(is_pinged_, true)) return;
+      pinged_at_ = Steady::now();
+    }
+    connection->socket.async_ping({}, [this, connection](const error_code& error) {
+      if (error) fail(connection, error.message());
+    });
+  }
+  /// The server has read what was sent before the ping.
+  void answered() {
+    const std::scoped_lock lock(mutex_);
+    if (!std::exchange(is_pinged_, false)) return;  // that of the idle timeout
+    shortest_way_ = std::min(shortest_way_, Steady::now() - pinged_at_);
+    unanswered_since_.reset();
+    if (connection_ && connection_->is_writing) unanswered_since_ = Steady::now();
   }
 
   void read(const Shared& connection) {
@@ -293,13 +345,15 @@ class Rosbridge::Impl {
     };
     const std::scoped_lock lock(mutex_);
     if (!json.is_object()) {
-      say(name_ + " sends what is no object of JSON: is it a rosbridge server?");
+      say(Line::kNoJson, name_ +
+                             " sends what is no object of JSON, which knows no NaN and no "
+                             "infinity: is it a rosbridge server?");
       return;
     }
     const std::string op = text_of("op");
     if (op == "status") {
       if (const std::string level = text_of("level"); level == "error" || level == "warning") {
-        say("the server says: " + shown(text_of("msg")));
+        say(Line::kStatus, "the server says: " + shown(text_of("msg")));
       }
       return;
     }
@@ -320,6 +374,7 @@ class Rosbridge::Impl {
       const std::scoped_lock lock(mutex_);
       if (!is_connected_ || waiting_.empty()) return;
       next = waiting_.front();
+      if (!unanswered_since_) unanswered_since_ = Steady::now();
     }
     connection->is_writing = true;
     connection->socket.async_write(asio::buffer(*next),
@@ -332,6 +387,7 @@ class Rosbridge::Impl {
                                        waiting_bytes_ -= next->size();
                                        waiting_.pop_front();
                                      }
+                                     ping(connection);
                                      write();
                                    });
   }
@@ -344,14 +400,17 @@ class Rosbridge::Impl {
       const std::scoped_lock lock(mutex_);
       if (is_connected_) {
         tell("the connection to " + name_ + " ended (" + shown(why) + "); it is tried again");
-      } else if (!has_told_absence_) {
+      } else if (why != told_absence_) {
         tell("no rosbridge server at " + name_ + " (" + shown(why) +
              "): ros2 launch rosbridge_server rosbridge_websocket_launch.xml");
+        told_absence_ = why;
       }
-      has_told_absence_ = true;
       is_connected_ = false;
       waiting_.clear();
       waiting_bytes_ = 0;
+      unanswered_since_.reset();
+      is_pinged_ = false;
+      shortest_way_ = kAnswerTimeout;
     }
     retry_.expires_after(kRetryInterval);
     retry_.async_wait([this](const error_code& error) {
@@ -373,8 +432,12 @@ class Rosbridge::Impl {
   std::map<std::string, Subscribed> subscribed_;
   std::deque<std::shared_ptr<const std::string>> waiting_;
   std::size_t waiting_bytes_ = 0;
-  bool has_told_absence_ = false;
-  std::set<std::string> said_;
+  std::optional<Steady::time_point> unanswered_since_;  // a write, or a ping
+  bool is_pinged_ = false;
+  Steady::time_point pinged_at_{};
+  Steady::duration shortest_way_ = kAnswerTimeout;  // of a ping and its pong
+  std::string told_absence_;                        // its reason
+  std::array<Said, 4> said_{};
   std::vector<std::string> lines_;
 
   std::jthread thread_;  // ends before the rest

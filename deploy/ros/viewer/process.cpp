@@ -69,8 +69,10 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
   }
   for (const SideTopics* side : sides) {
     if (side->left_out() > 0) {
-      context.log.warn("event=ros_left_out messages={} what=\"reliable subscribers are too slow\"",
-                       side->left_out());
+      context.log.warn(
+          "event=ros_left_out messages={} what=\"reliable subscribers, or the server, are too "
+          "slow\"",
+          side->left_out());
     }
   }
 }

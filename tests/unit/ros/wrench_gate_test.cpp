@@ -76,6 +76,7 @@ TEST_F(Gate, WhatIsRepeatedOrOutOfOrderIsRefused) {
   EXPECT_EQ(judge(wrench_at(stamp_of(10))), WrenchRefusal::kNotNewer);
   EXPECT_EQ(judge(wrench_at(stamp_of(9))), WrenchRefusal::kNotNewer);
   EXPECT_EQ(judge(wrench_at(stamp_of(10)), 1h), WrenchRefusal::kNotNewer);
+  EXPECT_EQ(judge(wrench_at(stamp_of(9)), 2h), WrenchRefusal::kNotNewer);
   EXPECT_EQ(judge(wrench_at(stamp_of(11))), WrenchRefusal::kNone);
 }
 
@@ -93,7 +94,45 @@ TEST_F(Gate, WhatAnswersNoPoseIsRefusedOfASourceThatNamesPoses) {
 
   EXPECT_EQ(judge(wrench_at(stamp_of(1990) + 1)), WrenchRefusal::kUnknownPose);
   EXPECT_EQ(judge(wrench_at(stamp_of(5000))), WrenchRefusal::kUnknownPose);
+  EXPECT_EQ(judge(wrench_at(kBegin_ns - 1)), WrenchRefusal::kUnknownPose);
+  EXPECT_EQ(judge(wrench_at(stamp_of(500))), WrenchRefusal::kTooLate);  // forgotten
   EXPECT_EQ(judge(wrench_at(stamp_of(1991))), WrenchRefusal::kNone);
+}
+
+// As of a stray message, or of a second publisher behind one server.
+TEST_F(Gate, AnAnswerToAPoseCountsWhateverOtherStampsCameBefore) {
+  send_poses(2000);
+  ASSERT_EQ(judge(wrench_at(stamp_of(1'000'000))), WrenchRefusal::kNone);
+
+  EXPECT_EQ(judge(wrench_at(stamp_of(1990))), WrenchRefusal::kNone);
+  EXPECT_EQ(judge(wrench_at(stamp_of(1'000'001))), WrenchRefusal::kUnknownPose);
+  EXPECT_EQ(judge(wrench_at(stamp_of(1990))), WrenchRefusal::kNotNewer);
+}
+
+TEST_F(Gate, ASourceIsBehindWhereItsAnswersTakeMuchLongerThanTheShortest) {
+  send_poses(10);
+  EXPECT_FALSE(gate_.is_behind(stamp_of(1000)));                   // it has named none
+  ASSERT_EQ(judge(wrench_at(stamp_of(5))), WrenchRefusal::kNone);  // after 5 ms
+  EXPECT_FALSE(gate_.is_behind(stamp_of(5 + 60)));
+  EXPECT_TRUE(gate_.is_behind(stamp_of(5 + 61)));
+
+  send_poses(2000);
+  EXPECT_EQ(judge(wrench_at(stamp_of(500))), WrenchRefusal::kTooLate);  // it catches up
+  EXPECT_FALSE(gate_.is_behind(stamp_of(500 + 60)));
+  EXPECT_TRUE(gate_.is_behind(stamp_of(2010)));
+  ASSERT_EQ(judge(wrench_at(stamp_of(2000))), WrenchRefusal::kNone);
+  EXPECT_FALSE(gate_.is_behind(stamp_of(2010)));
+}
+
+TEST_F(Gate, AClockThatWasSetBackCountsAfterASecondInWhichNothingCame) {
+  send_poses(20);
+  ASSERT_EQ(judge(wrench_at(1000)), WrenchRefusal::kNone);
+
+  EXPECT_EQ(judge(wrench_at(10), 999ms), WrenchRefusal::kNotNewer);
+  EXPECT_EQ(judge(wrench_at(11), 1998ms), WrenchRefusal::kNotNewer);    // it was not silent
+  EXPECT_EQ(judge(wrench_at(1000), 2998ms), WrenchRefusal::kNotNewer);  // repeated
+  EXPECT_EQ(judge(wrench_at(12), 3998ms), WrenchRefusal::kNone);
+  EXPECT_EQ(judge(wrench_at(13), 3999ms), WrenchRefusal::kNone);
 }
 
 TEST_F(Gate, NothingCountsBeforeAPoseWasSent) {

@@ -105,12 +105,12 @@ test("a session is heard by roslib, also after the server was started anew", kLi
 });
 
 /** A hand that presses every 0.7 s, 10 mm deep if nothing pushes back. */
-const pressing = () => `name: "rosbridge"
+const pressing = (rate_hz) => `name: "rosbridge"
 device { rate_hz: 1000 simulated {} }
 hand { sinusoid { center_m { z: 0 } amplitude_m { z: 0.01 } frequency_hz { z: 1.4 } phase_rad { z: 1.57 } } }
 mofc { controller: mofc mode: guard }
 scene { tool { tip_radius_m: 0.003 } }
-physics { rate_hz: 250 command: ["palpate_ros", "physics", "--rosbridge", "127.0.0.1:${server.port}"] }
+physics { rate_hz: ${rate_hz} command: ["palpate_ros", "physics", "--rosbridge", "127.0.0.1:${server.port}"] }
 `;
 
 /** Answers each pose with the force of a half-space of 250 N/m below z = 0; at(number) may change it. */
@@ -129,7 +129,10 @@ async function half_space(change = (wrench) => wrench) {
 }
 
 async function run(...more) {
-  writeFileSync(join(folder, "rosbridge.txtpb"), pressing());
+  return run_at(250, ...more);
+}
+async function run_at(rate_hz, ...more) {
+  writeFileSync(join(folder, "rosbridge.txtpb"), pressing(rate_hz));
   return start("palpate", "launch", join(folder, "rosbridge.txtpb"), "--no-realtime", "--no-viewer", "--json", join(folder, "run.json"), ...more);
 }
 const result = () => JSON.parse(readFileSync(join(folder, "run.json"), "utf8"));
@@ -144,6 +147,34 @@ test("a half-space of roslib is felt, and gives no energy", kLimit, async () => 
   assert.match(launch.log, /event=ros rosbridge=127\.0\.0\.1:\d+ out=palpate\/servo_cp in=palpate\/measured_cf/);
   assert.match(launch.log, /event=force_source topic=palpate\/measured_cf/);
   assert.deepEqual(server.faults, []);
+});
+
+test("what a slow server cannot pass on in time is left out, and the force stays", kLimit, async () => {
+  server.work_ms = 2;  // a pose and its answer are 4
+  const launch = await run_at(1000, "--seconds", "8");
+  await half_space();
+  await once(launch.child, "exit");
+  assert.equal(launch.child.exitCode, 0, launch.log);
+  assert.match(launch.log, /event=rosbridge what="127\.0\.0\.1:\d+ is behind: messages are left out/);
+  const [, left_out, forces, refused] = /event=ros_physics .*poses_left_out=(\d+) forces=(\d+) refused=(\d+)/.exec(launch.log).map(Number);
+  assert.ok(left_out > 0, launch.log);
+  assert.ok(forces > 4 * refused, `${forces} forces taken, ${refused} refused\n${launch.log}`);
+  assert.ok(result().max_force_n > 0.1, `${result().max_force_n} N\n${launch.log}`);
+  assert.ok(result().min_true_energy_j >= -1e-6, `${result().min_true_energy_j} J`);
+});
+
+test("a message of another clock does not keep out who names poses", kLimit, async () => {
+  const launch = await run("--seconds", "5");
+  let is_told = false;
+  await half_space((wrench) => {
+    if (is_told) return wrench;
+    is_told = true;
+    return { ...wrench, header: { ...wrench.header, stamp: { sec: wrench.header.stamp.sec + 1000, nanosec: 0 } } };
+  });
+  await once(launch.child, "exit");
+  assert.equal(launch.child.exitCode, 0, launch.log);
+  const [, forces, refused] = /event=ros_physics .*forces=(\d+) refused=(\d+)/.exec(launch.log).map(Number);
+  assert.ok(forces > 4 * refused, `${forces} forces taken, ${refused} refused\n${launch.log}`);
 });
 
 const wrongs = [
@@ -203,7 +234,7 @@ test("no server, no address, and a port that speaks no WebSocket are said", kLim
   server = await RosbridgeServer.listen(port);
   await until(() => early.log.includes("connected to"), "connected");
   await stopped(early);
-  for (const [address, reason] of [["wss://h", /tunnel/], ["h:0", /HOST:PORT/], ["h:x", /HOST:PORT/], ["h/path", /HOST:PORT/], ["", /HOST:PORT/]]) {
+  for (const [address, reason] of [["wss://h", /tunnel/], ["h:0", /HOST:PORT/], ["h:x", /HOST:PORT/], ["h/path", /HOST:PORT/], ["", /HOST:PORT/], ["::1", /brackets/], ["[::1", /brackets/]]) {
     const wrong = start("palpate", "ros", "--session", session, "--rosbridge", address);
     await once(wrong.child, "exit");
     assert.equal(wrong.child.exitCode, 2, wrong.log);

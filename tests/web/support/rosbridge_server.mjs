@@ -55,6 +55,7 @@ export class RosbridgeServer {
     this.subscribers = new Map(); // sockets by topic
     this.kept = new Map();        // newest messages of topics that keep them
     this.faults = [];             // what was told to clients
+    this.work_ms = 0;             // for each message that is passed on
   }
 
   serve(socket) {
@@ -78,6 +79,7 @@ export class RosbridgeServer {
         for (const text of this.kept.get(topic) ?? []) socket.send(text);
       } else if (op === "publish") {
         if (!advertised.has(topic)) return say(`${topic} is not advertised`);
+        for (const end = performance.now() + this.work_ms; performance.now() < end;); // nothing else is read
         const fault = object_fault(msg, this.types.get(topic), topic);
         if (fault) return say(fault);
         this.tell(topic, msg);
