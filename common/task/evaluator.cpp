@@ -137,8 +137,7 @@ void TaskEvaluator::process(const Sample& sample) {
     needle_->follow({.tip_m = sample.tip_m, .shaft = sample.shaft, .time_s = sample.t_s});
   }
   if (traction_) traction_->follow(sample.grip, sample.tip_m);
-  const bool begins_with_run = options_.starts_with_run || !task_.is_started_by_person;
-  if (phase_ == TaskState::Phase::kWaiting && begins_with_run) {
+  if (phase_ == TaskState::Phase::kWaiting && !task_.is_started_by_person) {
     begin(sample, sample.sequence);  // the device counts from 0
   }
   const bool follows = last_ && last_->session_id == sample.session_id;

@@ -35,8 +35,6 @@ namespace palpate {
 class TaskEvaluator {
  public:
   struct Options {
-    /// Nobody can start it: it begins with the first tick, whatever the session says.
-    bool starts_with_run = false;
     /// Marks and ticks name different processes, as in a replay: only their numbers count.
     bool ignores_sessions = false;
   };

@@ -234,10 +234,17 @@ std::filesystem::path folder_of_session(const RecordingFile& recording) {
   return std::filesystem::absolute(recording.about("session_file"), ignored).parent_path();
 }
 
+bool is_of_lockstep(const RecordingFile& recording) {
+  const std::string by = recording.about("recorded_by");
+  return by.starts_with("palpate loopback") || by.starts_with("palpate sweep");
+}
+
 Session recorded_session(const RecordingFile& recording,
                          const std::vector<std::string>& overrides) {
-  return parse_session(recording.about("session"), recording.mcap().path(), overrides,
-                       folder_of_session(recording));
+  Session session = parse_session(recording.about("session"), recording.mcap().path(), overrides,
+                                  folder_of_session(recording));
+  if (session.task && is_of_lockstep(recording)) session.task->is_started_by_person = false;
+  return session;
 }
 
 namespace {

@@ -98,8 +98,11 @@ void for_each_row(RecordingFile& recording, const std::function<void(const TickR
 /// Of the session that was recorded, on the machine that recorded it; empty if it is not told.
 [[nodiscard]] std::filesystem::path folder_of_session(const RecordingFile& recording);
 
-/// The session that was recorded, with its overrides and these. Throws SetupError: a file that it
-/// names is not where it was.
+/// Of a run on virtual time, `palpate loopback` or `palpate sweep`: no person was there.
+[[nodiscard]] bool is_of_lockstep(const RecordingFile& recording);
+
+/// The session that was recorded, with its overrides and these; a task that nobody could start
+/// begins with the run. Throws SetupError: a file that it names is not where it was.
 [[nodiscard]] Session recorded_session(const RecordingFile& recording,
                                        const std::vector<std::string>& overrides = {});
 

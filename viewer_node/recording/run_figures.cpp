@@ -247,7 +247,7 @@ RunFacts facts_of(const RecordingFile& recording, const RecordedRun& run) {
     about = facts_of(session, session.side());
   } catch (const SetupError&) {  // of another version, or its files are not here
   }
-  about.is_in_real_time = !recording.about("recorded_by").starts_with("palpate loopback");
+  about.is_in_real_time = !is_of_lockstep(recording);
   RunFacts facts = facts_of(std::move(about), run.mirror, run.figures);
   leave_out_runs(facts, viewer::seams_of(recording.mcap()).size());
   const auto is_recorded = [&](const char* name) {

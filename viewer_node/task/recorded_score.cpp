@@ -35,9 +35,7 @@ TaskScore score_of(RecordingFile& recording, const std::function<void(double)>& 
     throw SetupError("recording " + recording.mcap().path() +
                      ": its session has no task; give task { … } in the session and record again");
   }
-  // there nobody can start the task
-  const bool is_lockstep = recording.about("recorded_by").starts_with("palpate loopback");
-  TaskEvaluator evaluator(*session.task, session.scene.tool(), {.starts_with_run = is_lockstep});
+  TaskEvaluator evaluator(*session.task, session.scene.tool());
   evaluator.take(recording.markers());
   viewer::TelemetryMirror mirror;
   mirror.on_row = [&](const TickRow& row) { evaluator.take(row); };

@@ -18,10 +18,12 @@
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/web_client.h"
 
 namespace palpate {
 namespace {
 
+using namespace std::chrono_literals;
 using nlohmann::json;
 using test::Outcome;
 using test::run_program;
@@ -105,6 +107,54 @@ TEST_F(Tasks, ALockstepRunAndItsRecordingHaveOneScore) {
 
   ASSERT_EQ(palpate({"report", path("run.mcap"), "-o", path("run.html")}).status, 0);
   EXPECT_THAT(text_of(path("run.html")), HasSubstr("<h2>Task</h2>"));
+}
+
+/// What the page of a replay says of the task at its end.
+json replayed(const std::string& file) {
+  test::Program replay("palpate", {"replay", file, "--set", "viewer.web={port: 0}"});
+  const std::string address = "http://127.0.0.1:";
+  if (!test::await(
+          [&] { return replay.out().find("waiting for the page") != std::string::npos; })) {
+    ADD_FAILURE() << replay.out() << replay.err();
+    return {};
+  }
+  const auto port = static_cast<std::uint16_t>(std::stoi(replay.out().substr(address.size())));
+  test::WebClient page(port);
+  EXPECT_TRUE(page.open_web_socket());
+  EXPECT_TRUE(page.send_text(R"({"op":"subscribe","subscriptions":[{"id":2,"channelId":2},)"
+                             R"({"id":3,"channelId":3}]})"));
+  json told;
+  const auto has_ended = [&] {
+    test::WebClient client(port);
+    client.send_raw("GET /task HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    const std::string answer = client.read_to_end();
+    const std::size_t body = answer.find("\r\n\r\n");
+    if (body != std::string::npos) told = json::parse(answer.substr(body + 4), nullptr, false);
+    return told.is_object() && told["task"]["phase"] == "ended";
+  };
+  EXPECT_TRUE(test::await(has_ended, 60s)) << told.dump() << replay.err();
+  return told["task"]["score"];
+}
+
+// Nobody could start it there, so it began with the run.
+TEST_F(Tasks, AReplayOfALockstepRunShowsItsScoreWhoeverStartsTheTask) {
+  for (const std::string start : {"with_run", "by_person"}) {
+    SCOPED_TRACE(start);
+    const Outcome run = palpate({"loopback", session_, "--seconds", "2", "--no-ideal", "--set",
+                                 "task.start=" + start, "--record", path(start + ".mcap"), "--json",
+                                 path(start + ".json")});
+    ASSERT_EQ(run.status, 0) << run.err;
+    const json task = json::parse(text_of(path(start + ".json")))["task"];
+    EXPECT_EQ(task["ticks"], 2000);
+    EXPECT_EQ(scored({path(start + ".mcap")})["runs"][path(start + ".mcap")], task);
+    const json shown = replayed(path(start + ".mcap"));
+    // what a busy machine loses on the way is said
+    if (shown["missing_ticks"] == 0) {
+      EXPECT_EQ(shown, task);
+    } else {
+      EXPECT_EQ(shown["ticks"].get<int>() + shown["missing_ticks"].get<int>(), 2000);
+    }
+  }
 }
 
 TEST_F(Tasks, ARunInRealTimeAndItsRecordingHaveOneScore) {

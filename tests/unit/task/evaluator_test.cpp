@@ -196,12 +196,6 @@ TEST(TaskEvaluator, ATaskThatNobodyStartsHasNoScore) {
   EXPECT_EQ(score.end, TaskScore::End::kNotStarted);
   EXPECT_THAT(figures_of(score), IsEmpty());
   EXPECT_THAT(findings_of(score), SizeIs(1));
-
-  TaskEvaluator nobody_can(task, kTool, {.starts_with_run = true});
-  nobody_can.take(plane_scene());
-  run(nobody_can, 3.0, over_lump);
-  nobody_can.finish();
-  EXPECT_EQ(nobody_can.score().ticks, 3000U);
 }
 
 TEST(TaskEvaluator, TheTimeIsUpAtTheLimit) {
