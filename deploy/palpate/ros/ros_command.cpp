@@ -54,8 +54,8 @@ struct RosCommand {
 }  // namespace
 
 Command add_ros_command(CLI::App& app) {
-  return add_command<RosCommand>(app, "ros",
-                                 "Exchange a running session with nodes of ROS 2, by DDS or a rosbridge server.");
+  return add_command<RosCommand>(
+      app, "ros", "Exchange a running session with nodes of ROS 2, by DDS or a rosbridge server.");
 }
 
 }  // namespace palpate
