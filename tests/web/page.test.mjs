@@ -1371,10 +1371,12 @@ page_test("on a phone every target has a finger's size, the view can be reset, a
     assert.ok(width >= 44 && height >= 44, `${await target.evaluate((e) => e.outerHTML.slice(0, 90))}: ${width} × ${height}`);
   }
   await page.locator("#canvas").focus();
-  const before = (await status(page)).tool_px;
-  await page.keyboard.press("ArrowLeft");
+  const before = (await status(page)).fixed_px;
+  const away_px = (t) => Math.hypot(t.fixed_px.x - before.x, t.fixed_px.y - before.y);
+  for (let i = 0; i < 4; ++i) await page.keyboard.press("ArrowDown");
+  await until(page, (t) => away_px(t) > 5, "another view");
   await page.locator("#reset-view").tap();
-  await until(page, (t) => t.tool_px !== before, "the view");
+  await until(page, (t) => away_px(t) < 2, "the view of before");
   const help = await page.locator("#title-energy").getAttribute("title");
   await page.locator("#title-energy").tap();
   await page.locator(".hint", { hasText: help }).waitFor();

@@ -575,7 +575,7 @@ Object.defineProperty(window, "__test", {
       instants: plots.force.instants.map(({ at_s, tone, text }) => ({ at_s, tone, text })),
       contact: { depth_m: telemetry.depth_m, speed_m_per_s: telemetry.speed_m_per_s, stiffness_newton_per_m: telemetry.stiffness_newton_per_m },
       events: timeline.events.map(({ at_s, lane, node, text }) => ({ at_s, lane, node, text })),
-      tool_m: { ...telemetry.tool_m }, tool_px: view.project(telemetry.tool_m), target_m: { ...hand.target },
+      tool_m: { ...telemetry.tool_m }, tool_px: view.project(telemetry.tool_m), fixed_px: view.project({ x: 0.03, y: 0.03, z: 0 }), target_m: { ...hand.target },
       applied_newton: norm(telemetry.applied_newton), requested_newton: norm(telemetry.requested_newton),
       replay: run.replay && { ...run.replay, beginNs: Number(run.replay.beginNs) }, recorder: telemetry.health?.recorder,
       hand: { ...hand.status, sent: hand.sent_count, client_id: Number(hand.client_id) },
