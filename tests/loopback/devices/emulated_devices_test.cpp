@@ -16,6 +16,7 @@
 
 #include "common/process/process_links.h"
 #include "common/session/session_file.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/machine/places.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
@@ -122,10 +123,15 @@ TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
     }
     EXPECT_TRUE(is_felt) << launch.err();
     EXPECT_TRUE(watcher.until_rows(100));  // so that launch has seen it too
+    const test::QuietMachine machine;
     launch.send_signal(SIGINT);
 
-    EXPECT_EQ(launch.wait(), 0) << launch.err();
+    const int status = launch.wait();
     const std::string err = launch.err();
+    // a node that a busy machine does not let end in time is killed
+    const bool may_be_load = err.find("event=node_killed") != std::string::npos &&
+                             !machine.may_check("each node stops within its grace: " + session);
+    if (!may_be_load) EXPECT_EQ(status, 0) << err;
     EXPECT_GE(least_energy_microjoule(err), -1.0) << err;
     EXPECT_THAT(err, HasSubstr("event=no_motor_watchdog"));
     EXPECT_THAT(err, HasSubstr("none, accepted: the guarantee is not available while"));
