@@ -164,11 +164,11 @@ TEST_P(RosFaults, GivesNoEnergyAndNoForceThatDoesNotCount) {
 INSTANTIATE_TEST_SUITE_P(
     Each, RosFaults,
     testing::Values(Fault{"stop", false, "event=force_source_silent topic=palpate/measured_cf"},
-                    Fault{"repeat", false, "its stamp is not later than that of the last one"},
-                    Fault{"nan", false, "a component is NaN or infinite"},
+                    Fault{"repeat", false, "or not later than that of the last one"},
+                    Fault{"nan", false, "a component is missing, NaN or infinite"},
                     Fault{"huge", false, "it is above --max-force; is it in newton?"},
                     Fault{"late", true, ""},
-                    Fault{"reorder", true, "its stamp is not later than that of the last one"}),
+                    Fault{"reorder", true, "or not later than that of the last one"}),
     [](const auto& fault) { return std::string(fault.param.name); });
 
 /// What is wrong from the begin on: no force, and a line that says why.
