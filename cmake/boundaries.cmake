@@ -117,7 +117,7 @@ set(PALPATE_BOUNDARIES
   "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/release.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
   # topics of ROS 2: dds ← viewer, physics, device; nobody includes from there
   "deploy/ros:common/core,common/process,deploy/ros/*,physics_node/engine_process,@cli"
-  "deploy/ros/rosbridge:common/core,@threads"
+  "deploy/ros/rosbridge:common/core,common/telemetry,@threads"
   "deploy/ros/dds:common/core,deploy/ros/rosbridge,@dds"
   "deploy/ros/viewer:common/core,common/link,common/process,common/session,common/telemetry,deploy/ros/dds,viewer_node,viewer_node/feed,viewer_node/task,@log"
   "deploy/ros/device:common/core,common/process,common/session,common/telemetry,deploy/ros/dds,device_node/drivers/plugin,@log,@threads"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/ros/dds/json_messages.h"
 
-#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -121,12 +120,11 @@ std::string json_of(const OperatingState& message) {
                   {"is_busy", static_cast<bool>(message.is_busy)}});
 }
 
-void read_json(const std::string& json, ReadWrench& wrench) {
-  const Json object = Json::parse(json, nullptr, false);
-  const Json& header = member(object, "header");
+void read_json(const Json& fields, ReadWrench& wrench) {
+  const Json& header = member(fields, "header");
   const Json& stamp = member(header, "stamp");
   const Json& frame = member(header, "frame_id");
-  const Json& force = member(member(object, "wrench"), "force");
+  const Json& force = member(member(fields, "wrench"), "force");
   wrench.frame_id = frame.is_string() ? frame.get<std::string>() : "";
   wrench.message = {
       .header = {.stamp = {.sec = integer<std::int32_t>(stamp, "sec"),

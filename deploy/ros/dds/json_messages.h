@@ -3,6 +3,7 @@
 // of the fields, null for a number that is none.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "deploy/ros/dds/messages.h"
@@ -24,7 +25,7 @@ struct ReadWrench {
   WrenchStamped message{};  ///< its frame_id is the one above
 };
 /// What is missing is NaN, 0 or "".
-/// @param json  an object
-void read_json(const std::string& json, ReadWrench& wrench);
+/// @param fields  an object
+void read_json(const nlohmann::json& fields, ReadWrench& wrench);
 
 }  // namespace palpate::ros

@@ -134,7 +134,7 @@ class Reader {
       if (inbox_) {
         for (const Inbox::Message& one : inbox_->take()) {
           ReadWrench wrench;
-          read_json(one.json, wrench);
+          read_json(*one.fields, wrench);
           take(wrench.message, Arrival{.source = 1, .sent_ns = one.received_ns});
         }
         return;

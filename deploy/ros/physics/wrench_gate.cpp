@@ -84,15 +84,14 @@ WrenchRefusal WrenchGate::judge(const Wrench& wrench, TimePoint now, std::int64_
   // which pose it answers
   const SentPose* pose = with_stamp(wrench.stamp_ns);
   const bool names_pose = pose != nullptr;
-  if ((names_pose || was_sent(wrench.stamp_ns)) && wrench.stamp_ns > newest_named_ns_) {
-    const std::int64_t age_ns = now_ns - wrench.stamp_ns;
-    const bool is_first = newest_named_ns_ == 0;
-    shortest_answer_ns_ = is_first ? age_ns : std::min(shortest_answer_ns_, age_ns);
+  const bool names_forgotten = !names_pose && was_sent(wrench.stamp_ns);
+  if ((names_pose || names_forgotten) && wrench.stamp_ns > newest_named_ns_) {
+    shortest_answer_ns_ = std::min(shortest_answer_ns_, now_ns - wrench.stamp_ns);
     newest_named_ns_ = wrench.stamp_ns;
   }
   if (!names_pose) {
     if (source_.is(wrench.source) && names_poses_) {
-      return was_sent(wrench.stamp_ns) ? WrenchRefusal::kTooLate : WrenchRefusal::kUnknownPose;
+      return names_forgotten ? WrenchRefusal::kTooLate : WrenchRefusal::kUnknownPose;
     }
     if (source_.is_repeated(wrench.source, wrench.stamp_ns) &&
         !(was_silent && wrench.stamp_ns < source_.last_stamp_ns())) {

@@ -11,6 +11,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -115,7 +116,7 @@ class WrenchGate {
   std::int64_t first_sent_ns_ = 0;
   std::int64_t last_named_ns_ = 0;    // of the newest pose whose answer was taken
   std::int64_t newest_named_ns_ = 0;  // likewise, taken or not
-  std::int64_t shortest_answer_ns_ = 0;
+  std::int64_t shortest_answer_ns_ = std::numeric_limits<std::int64_t>::max();  // if there is one
   TimePoint heard_at_{};  // a message of the source, taken or not
 };
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <boost/asio/bind_executor.hpp>
+#include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
@@ -14,9 +14,7 @@
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
-#include <deque>
 #include <map>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
@@ -24,6 +22,7 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
+#include "common/telemetry/event_throttle.h"
 
 namespace palpate::ros {
 namespace {
@@ -44,7 +43,6 @@ constexpr std::size_t kLargestMessageIn = std::size_t{1} << 20U;
 constexpr auto kMostBehind = std::chrono::milliseconds(20);
 /// Beyond, so are those that are kept for later.
 constexpr std::size_t kMostWaitingBytes = std::size_t{64} << 20U;
-constexpr auto kLineInterval = std::chrono::seconds(1);
 /// Of messages that are kept for later, how many the server is asked to hold.
 constexpr int kKeptDepth = 256;
 constexpr std::size_t kMostLines = 100;  // between two take_lines()
@@ -113,25 +111,17 @@ std::string subscription(const std::string& topic, const std::string& type) {
 
 // --- inbox ---------------------------------------------------------------------------------------
 
-struct Inbox::State {
-  std::mutex mutex;
-  std::deque<Message> messages;
-};
-
-Inbox::Inbox() : state_(std::make_unique<State>()) {}
-Inbox::~Inbox() = default;
-
 void Inbox::put(Message message) {
-  const std::scoped_lock lock(state_->mutex);
-  if (state_->messages.size() == kDepth) state_->messages.pop_front();
-  state_->messages.push_back(std::move(message));
+  const std::scoped_lock lock(mutex_);
+  if (messages_.size() == kDepth) messages_.pop_front();
+  messages_.push_back(std::move(message));
 }
 
 std::vector<Inbox::Message> Inbox::take() {
-  const std::scoped_lock lock(state_->mutex);
-  std::vector<Message> taken(std::make_move_iterator(state_->messages.begin()),
-                             std::make_move_iterator(state_->messages.end()));
-  state_->messages.clear();
+  const std::scoped_lock lock(mutex_);
+  std::vector<Message> taken(std::make_move_iterator(messages_.begin()),
+                             std::make_move_iterator(messages_.end()));
+  messages_.clear();
   return taken;
 }
 
@@ -140,11 +130,7 @@ std::vector<Inbox::Message> Inbox::take() {
 class Rosbridge::Impl {
  public:
   explicit Impl(const std::string& address)
-      : address_(address_of(address)),
-        name_(address_.name),
-        resolver_(io_),
-        retry_(io_),
-        thread_([this] {
+      : address_(address_of(address)), resolver_(io_), retry_(io_), thread_([this] {
           const auto work = asio::make_work_guard(io_);
           open();
           io_.run();
@@ -181,7 +167,7 @@ class Rosbridge::Impl {
     if (advertised.is_kept) advertised.newest = text;
     if (!is_connected_) return true;
     if (advertised.is_kept ? waiting_bytes_ > kMostWaitingBytes : is_behind()) {
-      say(Line::kBehind, name_ + " is behind: messages are left out");
+      say(Line::kBehind, address_.name + " is behind: messages are left out");
       return false;
     }
     send(std::move(text));
@@ -215,10 +201,6 @@ class Rosbridge::Impl {
   using Steady = std::chrono::steady_clock;
   /// What may be said again and again.
   enum class Line : std::uint8_t { kTooLarge, kBehind, kStatus, kNoJson };
-  struct Said {
-    Steady::time_point at{};
-    std::uint64_t more = 0;  // since then
-  };
 
   // --- by any thread, with the lock
 
@@ -233,14 +215,10 @@ class Rosbridge::Impl {
   }
   /// At most once a second.
   void say(Line kind, std::string line) {
-    Said& said = said_[static_cast<std::size_t>(kind)];
-    const Steady::time_point now = Steady::now();
-    if (said.at != Steady::time_point{} && now - said.at < kLineInterval) {
-      ++said.more;
-      return;
-    }
-    if (said.more > 0) line += " (and " + std::to_string(said.more) + " before)";
-    said = {.at = now};
+    const std::uint64_t due =
+        throttles_[static_cast<std::size_t>(kind)].note(SteadyClock().now(), 1);
+    if (due == 0) return;
+    if (due > 1) line += " (and " + std::to_string(due - 1) + " before)";
     tell(std::move(line));
   }
   [[nodiscard]] bool is_behind() const {
@@ -280,10 +258,11 @@ class Rosbridge::Impl {
     connection->socket.read_message_max(kLargestMessageIn);
     connection->socket.auto_fragment(false);
     connection->socket.text(true);
-    connection->socket.async_handshake(name_, "/", [this, connection](const error_code& error) {
-      if (error) return fail(connection, "no WebSocket there: " + error.message());
-      begin(connection);
-    });
+    connection->socket.async_handshake(
+        address_.name, "/", [this, connection](const error_code& error) {
+          if (error) return fail(connection, "no WebSocket there: " + error.message());
+          begin(connection);
+        });
   }
 
   void begin(const Shared& connection) {
@@ -292,7 +271,7 @@ class Rosbridge::Impl {
       is_connected_ = true;
       ++connections_;
       told_absence_.clear();
-      tell("connected to " + name_);
+      tell("connected to " + address_.name);
       for (const auto& [topic, entry] : advertised_) {
         send(advertisement(topic, entry.type, entry.is_kept));
       }
@@ -338,14 +317,14 @@ class Rosbridge::Impl {
 
   void take(const std::string& text) {
     const auto received_ns = static_cast<std::int64_t>(wall_clock_ns());
-    const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+    nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
     const auto text_of = [&](const char* key) {
       const auto found = json.find(key);
       return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
     };
     const std::scoped_lock lock(mutex_);
     if (!json.is_object()) {
-      say(Line::kNoJson, name_ +
+      say(Line::kNoJson, address_.name +
                              " sends what is no object of JSON, which knows no NaN and no "
                              "infinity: is it a rosbridge server?");
       return;
@@ -361,9 +340,8 @@ class Rosbridge::Impl {
     const auto topic = subscribed_.find(text_of("topic"));
     const auto message = json.find("msg");
     if (topic == subscribed_.end() || message == json.end() || !message->is_object()) return;
-    topic->second.inbox->put(
-        {.json = message->dump(-1, ' ', false, nlohmann::json::error_handler_t::replace),
-         .received_ns = received_ns});
+    topic->second.inbox->put({.fields = std::make_shared<const nlohmann::json>(std::move(*message)),
+                              .received_ns = received_ns});
   }
 
   void write() {
@@ -399,9 +377,10 @@ class Rosbridge::Impl {
     {
       const std::scoped_lock lock(mutex_);
       if (is_connected_) {
-        tell("the connection to " + name_ + " ended (" + shown(why) + "); it is tried again");
+        tell("the connection to " + address_.name + " ended (" + shown(why) +
+             "); it is tried again");
       } else if (why != told_absence_) {
-        tell("no rosbridge server at " + name_ + " (" + shown(why) +
+        tell("no rosbridge server at " + address_.name + " (" + shown(why) +
              "): ros2 launch rosbridge_server rosbridge_websocket_launch.xml");
         told_absence_ = why;
       }
@@ -419,7 +398,6 @@ class Rosbridge::Impl {
   }
 
   const Address address_;
-  const std::string name_;
   asio::io_context io_{1};
   tcp::resolver resolver_;
   asio::steady_timer retry_;
@@ -437,7 +415,7 @@ class Rosbridge::Impl {
   Steady::time_point pinged_at_{};
   Steady::duration shortest_way_ = kAnswerTimeout;  // of a ping and its pong
   std::string told_absence_;                        // its reason
-  std::array<Said, 4> said_{};
+  std::array<EventThrottle, 4> throttles_;          // by Line
   std::vector<std::string> lines_;
 
   std::jthread thread_;  // ends before the rest

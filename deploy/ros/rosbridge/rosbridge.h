@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // rosbridge.h — a client of a rosbridge server (protocol 2, JSON over WebSocket): topics of ROS 2
-// for networks that DDS does not cross. Of messages it knows the text only.
+// for networks that DDS does not cross. What is in the messages it does not know.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <memory>
+#include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -17,18 +20,16 @@ class Inbox {
   static constexpr std::size_t kDepth = 8;
 
   struct Message {
-    std::string json;              ///< an object: the fields of the message
-    std::int64_t received_ns = 0;  ///< wall time
+    std::shared_ptr<const nlohmann::json> fields;  ///< an object
+    std::int64_t received_ns = 0;                  ///< wall time
   };
-  Inbox();
-  ~Inbox();
   void put(Message message);
   /// What has come since the last call, oldest first.
   [[nodiscard]] std::vector<Message> take();
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  std::mutex mutex_;
+  std::deque<Message> messages_;
 };
 
 /// A connection that is opened anew until the end; its own thread. Its functions may be called by
