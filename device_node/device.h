@@ -37,6 +37,11 @@ struct DeviceSpecification {
   bool has_motor_watchdog = false;
   /// The watchdog stores the position as it ends a force: take_latched() returns it.
   bool has_position_latch = false;
+  /// Motors that hold their currents: how many times the force of one place the same currents are
+  /// at another one of the workspace, at most; infinite where no bound is known. 1: the motors hold
+  /// the force. Without a watchdog and that acceptance no force exceeds f_co divided
+  /// by it.
+  double held_force_ratio = 1.0;
 };
 
 /// One reading of position and buttons.

@@ -32,7 +32,8 @@ double largest_force_newton(const DeviceConfig& config,
       specification.has_motor_watchdog || config.accepts_no_motor_watchdog;
   return may_exceed_friction
              ? specification.peak_force_newton
-             : std::min(specification.peak_force_newton, config.profile.coulomb_newton);
+             : std::min(specification.peak_force_newton,
+                        config.profile.coulomb_newton / specification.held_force_ratio);
 }
 
 void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,

@@ -237,8 +237,12 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                      device->specification().model_name,
                      no_watchdog_text(config.accepts_no_motor_watchdog));
     if (!config.accepts_no_motor_watchdog) {
-      context.log.info("event=force_limit newton={:g}: f_co, device.profile.coulomb_newton",
-                       config.profile.coulomb_newton);
+      context.log.info(
+          "event=force_limit newton={:.3g}: f_co, device.profile.coulomb_newton, divided by "
+          "{:.3g}: "
+          "the currents it holds can be so many times that force elsewhere in the workspace",
+          largest_force_newton(config, device->specification()),
+          device->specification().held_force_ratio);
     }
   }
 

@@ -102,8 +102,8 @@ struct DeviceTick {
 /// Of DeviceCounters::has_no_motor_watchdog, for people.
 [[nodiscard]] constexpr const char* no_watchdog_text(bool is_accepted) {
   return is_accepted ? "none, accepted: the guarantee is not available while the process is stopped"
-                     : "none: forces stay at or below f_co; device { accept: NO_MOTOR_WATCHDOG } "
-                       "allows more";
+                     : "none: forces stay within the dry friction; device { accept: "
+                       "NO_MOTOR_WATCHDOG } allows more";
 }
 
 /// Of DeviceCounters::is_release_unconfirmed, for people.

@@ -3,10 +3,48 @@
 // torques stay, and with them not the force.
 #pragma once
 
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <limits>
+#include <optional>
+#include <vector>
+
 #include "common/core/vector.h"
 #include "device_node/device.h"
 
 namespace palpate::device {
+
+/// DeviceSpecification::held_force_ratio, from 5 × 5 × 5 places of the workspace: torques τ = J_pᵀ
+/// F, commanded at p, make J_q⁻ᵀ τ at q, at most ‖J_q⁻ᵀ J_pᵀ‖ |F|.
+/// @param jacobian_at  of a place of D: std::optional<Matrix3>, ∂position/∂angles; nothing at a
+///                     singular place, nor where the arm cannot be, which such places border on
+/// @return             ≥ 1; infinite where the workspace has such a place
+template <class JacobianAt>
+double held_force_ratio(const Vector3& workspace_half_extent_m, const JacobianAt& jacobian_at) {
+  constexpr int kPlaces = 5;
+  constexpr double kBetween = 1.02;  // places between those looked at
+  std::vector<Matrix3> commanded;    // J_pᵀ
+  std::vector<Matrix3> elsewhere;    // J_q⁻ᵀ
+  for (int i = 0; i < kPlaces * kPlaces * kPlaces; ++i) {
+    const Vector3 share = Vector3(i % kPlaces, i / kPlaces % kPlaces, i / (kPlaces * kPlaces)) /
+                              (0.5 * (kPlaces - 1)) -
+                          Vector3::Ones();
+    const std::optional<Matrix3> jacobian =
+        jacobian_at(Vector3(share.cwiseProduct(workspace_half_extent_m)));
+    if (!jacobian) return std::numeric_limits<double>::infinity();
+    commanded.emplace_back(jacobian->transpose());
+    elsewhere.emplace_back(commanded.back().inverse());
+  }
+  double most = 1.0;
+  for (const Matrix3& torque_by_force : commanded) {
+    for (const Matrix3& force_by_torque : elsewhere) {
+      const Matrix3 ratio = force_by_torque * torque_by_force;
+      most = std::max(most, Eigen::JacobiSVD<Matrix3>(ratio).singularValues()[0]);
+    }
+  }
+  return kBetween * most;
+}
 
 /// The work of torques τ over joint angles is τ·Δθ, exactly; the energy is counted with F·Δx, F as
 /// it was reported. The difference goes into DeviceSample::turning_joule.

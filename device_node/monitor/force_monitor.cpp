@@ -184,7 +184,9 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
   const double acted_at_most_s = to_seconds(std::min(at, last_end_) - since_);
   const double worst_skew_s = std::max(skew_s_, skew_s);
   const double most_drawn_joule =
-      is_idle ? 0.0 : (acted_at_most_s + worst_skew_s) * worst_hand_.drain_watt(acting_newton_);
+      is_idle ? 0.0
+              : (acted_at_most_s + worst_skew_s) * worst_hand_.drain_watt(acting_newton_) +
+                    std::max(0.0, details.turning_joule);
   floor_joule_ = joule();
   if (most_drawn_joule > 0.0) {
     floor_joule_ -= most_drawn_joule + kUlps * (std::abs(floor_joule_) + most_drawn_joule);

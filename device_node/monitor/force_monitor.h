@@ -86,12 +86,12 @@ struct ReadingDetails {
 /// in which leases are counted, pass as rounding: once, since M falls below 0 by what it cost.
 /// Lemma: rounding.
 ///
-/// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F),
-/// so M falls by no more, whatever the readings' resolution adds to an account (lemma:
-/// late_switch); a reading that only a hand faster than v_max can have made has no floor. One
-/// account lasts; the other one, while no force acts and none can have since the position was
-/// taken, begins anew at M if it has fallen below. WorkBound, which counts in another way, judges M
-/// and the clamp's ledger. One thread, no allocation, no throw.
+/// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F)
+/// and what its currents did more as the arm turned, so M falls by no more, whatever the readings'
+/// resolution adds to an account (lemma: late_switch); a reading that only a hand faster than v_max
+/// can have made has no floor. One account lasts; the other one, while no force acts and none can
+/// have since the position was taken, begins anew at M if it has fallen below. WorkBound, which
+/// counts in another way, judges M and the clamp's ledger. One thread, no allocation, no throw.
 class ForceMonitor {
  public:
   explicit ForceMonitor(const DeviceConfig& config, const MotorEnds& ends = {}) noexcept

@@ -62,8 +62,8 @@ enum palpate_device_flags {
 };
 
 /** What the device is. Asked once, after open; constant until close. Refused, with the rule, unless
- * every extent is > 0, 0 < continuous force ≤ peak force, the resolution is in 0 … 0.01 m and there
- * are at most 32 buttons; all finite. */
+ * every extent is > 0, 0 < continuous force ≤ peak force, the resolution is in 0 … 0.01 m, there
+ * are at most 32 buttons and held_force_ratio is 0 or at least 1; all others finite. */
 typedef struct palpate_device_specification {
   uint32_t size;                     /**< sizeof(palpate_device_specification), set by the caller */
   uint32_t flags;                    /**< bits of palpate_device_flags */
@@ -74,12 +74,18 @@ typedef struct palpate_device_specification {
   double position_resolution_m;      /**< per axis; 0: exact */
   uint32_t button_count;             /**< 0 … 32 */
   uint32_t reserved;                 /**< 0 */
+  /** Of motors that hold their currents while the arm turns, so that the force changes: how many
+   * times the force of one place of the workspace the same currents can be at another one; infinite
+   * where no bound is known. 0 or 1: the motors hold the force. Without a watchdog no force exceeds
+   * the device's friction divided by it, unless the session accepts more. Added later: ask
+   * PALPATE_DEVICE_KNOWS before writing it. */
+  double held_force_ratio;
 } palpate_device_specification;
 
 /** One reading. The caller sets size, buttons 0, an identity orientation and zeros elsewhere. A
- * stamp in the future, an orientation of a norm outside 0.5 … 2 or a force that is not finite or
- * above the peak (measured: ten times the peak) releases the motors and counts as
- * PALPATE_DEVICE_CORRUPT. */
+ * stamp in the future, an orientation of a norm outside 0.5 … 2, a force that is not finite or
+ * above the peak (measured: ten times the peak), a turning that is not finite or a skew outside
+ * 0 … 1 s releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
 typedef struct palpate_device_reading {
   uint32_t size;              /**< sizeof(palpate_device_reading), set by the caller */
   uint32_t buttons;           /**< bit i: button i is held */
@@ -92,6 +98,12 @@ typedef struct palpate_device_reading {
   /** What the motors do on the hand now [N], D, by sensors, never by the command. Looked at with
    * PALPATE_DEVICE_MEASURES_FORCE only. Added later: ask PALPATE_DEVICE_KNOWS before writing it. */
   double measured_force_newton[3];
+  /** Of motors that hold their currents: the work that they did since the last reading beyond that
+   * of the force reported then, τ·Δθ − F·Δx [J]. Added later, as above. */
+  double turning_joule;
+  /** Position and switch may be apart, and older than sampled_at_ns, by so much: the time of the
+   * transfer. 0: they are one instant. Added later, as above. */
+  int64_t skew_ns;
 } palpate_device_reading;
 
 /** What the library may use of the program that loads it. Valid until close has returned. */

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <utility>
@@ -160,11 +161,12 @@ class PluginDevice final : public HapticDevice {
     if (!(workspace.minCoeff() > 0.0) || !workspace.allFinite() ||
         !(s.continuous_force_newton > 0.0) || !(s.peak_force_newton >= s.continuous_force_newton) ||
         !std::isfinite(s.peak_force_newton) || !(s.position_resolution_m >= 0.0) ||
-        !(s.position_resolution_m < 0.01) || s.button_count > 32) {
+        !(s.position_resolution_m < 0.01) || s.button_count > 32 ||
+        !(s.held_force_ratio == 0.0 || s.held_force_ratio >= 1.0)) {
       driver_->close(std::exchange(device_, nullptr));
       refuse(config,
              "its specification needs a workspace > 0, 0 < continuous force ≤ peak force, a "
-             "resolution of 0 … 0.01 m and at most 32 buttons");
+             "resolution of 0 … 0.01 m, at most 32 buttons and a held_force_ratio of 0 or ≥ 1");
     }
     specification_ = {.model_name = s.model_name[0] != '\0' ? s.model_name : "plug-in",
                       .workspace_half_extent_m = workspace,
@@ -173,7 +175,8 @@ class PluginDevice final : public HapticDevice {
                       .position_resolution_m = s.position_resolution_m,
                       .button_count = s.button_count,
                       .has_motor_watchdog = (s.flags & PALPATE_DEVICE_HAS_WATCHDOG) != 0,
-                      .has_position_latch = (s.flags & PALPATE_DEVICE_HAS_LATCH) != 0};
+                      .has_position_latch = (s.flags & PALPATE_DEVICE_HAS_LATCH) != 0,
+                      .held_force_ratio = std::max(1.0, s.held_force_ratio)};
     measures_force_ = (s.flags & PALPATE_DEVICE_MEASURES_FORCE) != 0;
   }
 
@@ -187,6 +190,7 @@ class PluginDevice final : public HapticDevice {
   /// positions, but takes stamps and forces as they are.
   bool convert(const palpate_device_reading& reading, DeviceSample& sample) noexcept {
     const TimePoint stamp{Duration(reading.sampled_at_ns)};
+    const Duration skew(reading.skew_ns);
     const double* const q = reading.orientation_wxyz;
     const Quaternion orientation(q[0], q[1], q[2], q[3]);
     const double norm = orientation.norm();
@@ -195,6 +199,8 @@ class PluginDevice final : public HapticDevice {
     // a NaN is not ≤, so that it is refused too
     const double peak_newton = specification_.peak_force_newton;
     const bool is_real = applied.norm() <= kRounding * peak_newton &&
+                         std::isfinite(reading.turning_joule) && skew >= Duration::zero() &&
+                         skew <= kMostSkew &&
                          (!measures_force_ || measured.norm() <= kMostMeasured * peak_newton);
     if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !is_real) {
       driver_->release(device_);
@@ -205,13 +211,16 @@ class PluginDevice final : public HapticDevice {
               .orientation = orientation.normalized(),
               .buttons = reading.buttons,
               .sampled_at = stamp,
-              .applied_force_newton = applied};
+              .applied_force_newton = applied,
+              .skew = skew,
+              .turning_joule = reading.turning_joule};
     if (measures_force_) sample.measured_newton = measured;
     return true;
   }
 
   static constexpr double kRounding = 1.001;     // of motors that quantise
   static constexpr double kMostMeasured = 10.0;  // what is more is no measurement
+  static constexpr Duration kMostSkew = std::chrono::seconds(1);
 
   Host host_;
   const Clock& clock_;

@@ -22,6 +22,7 @@ constexpr double kVMax_m_per_s = 0.5;
 struct Worst {
   double least_joule = 0.0;
   double unbooked_joule = 0.0;
+  double fall_joule = 0.0;
   double largest_newton = 0.0;
   std::uint64_t runs = 0;
   std::uint64_t pushed = 0;
@@ -32,6 +33,7 @@ struct Worst {
     ++runs;
     least_joule = std::min(least_joule, result.least_true_joule);
     unbooked_joule = std::max(unbooked_joule, result.most_unbooked_joule);
+    fall_joule = std::max(fall_joule, result.deepest_fall_joule);
     largest_newton = std::max(largest_newton, result.largest_force_newton);
     pushed += result.ticks_beyond_friction;
     fallback += result.fallback_ticks;
@@ -200,21 +202,52 @@ TEST(VicesTwin, RoundedToTheNearestTheFallbackLeaks) {
             -1e2 * kRoundingJoule);
 }
 
-// Without the acceptance of the session the force stays at f_co: whatever the process does.
+VicedRun without_acceptance(std::uint64_t seed) {
+  VicedRun run = random_run_with_stalls(seed);
+  run.is_accepted = false;
+  return run;
+}
+
+constexpr auto kFrictionAbsorbsAll = [](const VicedResult& result, std::uint64_t seed) {
+  EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
+  EXPECT_LE(result.deepest_fall_joule, kRoundingJoule) << "seed=" << seed;
+};
+
+// Without the acceptance of the session friction absorbs the force: whatever the process does.
 TEST(Vices, WithoutAcceptanceNoStallGivesTheHandEnergy) {
-  const Worst worst = all_runs(
-      "stalls, not accepted", 100, Books::kTrue,
-      [](std::uint64_t seed) {
-        VicedRun run = random_run_with_stalls(seed);
-        run.is_accepted = false;
-        run.turning_per_m = 0.0;  // a held current of f_co is more elsewhere
-        return run;
-      },
-      [](const VicedResult& result, std::uint64_t seed) {
-        EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
-      });
+  const Worst worst =
+      all_runs("stalls, not accepted", 100, Books::kTrue, without_acceptance, kFrictionAbsorbsAll);
   EXPECT_EQ(worst.pushed, 0U);
   EXPECT_GT(worst.largest_newton, 0.1);
+}
+
+/// Whose currents are set at one place and held until the hand is at another one.
+VicedRun without_acceptance_held(std::uint64_t seed, bool bounds_held_currents) {
+  VicedRun run = without_acceptance(seed);
+  run.vices.watchdog = device::HardwareVices::kNever;
+  run.turning_per_m = 12.0;
+  run.bounds_held_currents = bounds_held_currents;
+  run.coulomb_newton = 0.25;
+  run.viscous_newton_s_per_m = 0.0;
+  run.stalls_per_tick = 0.02;
+  run.longest_stall = std::chrono::milliseconds(500);
+  return run;
+}
+
+TEST(Vices, WithoutAcceptanceCurrentsThatAreHeldElsewhereGiveTheHandNoEnergy) {
+  const Worst worst = all_runs(
+      "currents held for long, not accepted", 100, Books::kTrue,
+      [](std::uint64_t seed) { return without_acceptance_held(seed, true); }, kFrictionAbsorbsAll);
+  EXPECT_EQ(worst.pushed, 0U);
+  EXPECT_GT(worst.largest_newton, 0.05);
+}
+
+TEST(VicesTwin, HeldCurrentsThatNothingBoundsLeakElsewhere) {
+  EXPECT_GT(all_runs(
+                "the same, up to f_co where it is commanded", 100, Books::kTrue,
+                [](std::uint64_t seed) { return without_acceptance_held(seed, false); }, kAny)
+                .fall_joule,
+            1e2 * kRoundingJoule);
 }
 
 }  // namespace

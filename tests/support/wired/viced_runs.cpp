@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "common/core/random.h"
@@ -35,34 +36,46 @@ class WakefulClock final : public Clock {
   Duration slept_{};
 };
 
+struct ArmParts {
+  const VicedRun& run;
+  const SimulatedDeviceConfig& simulated;
+  const HandConfig& hand;
+  std::uint64_t seed = 0;
+};
+
 /// Each axis is a motor whose angle is θ = x + κx²/2: its force is τ (1 + κx).
 template <Books books>
 class VicedArm final : public device::WireDevice, public device::TrueStateSource {
  public:
-  VicedArm(const SimulatedDeviceConfig& simulated, const HandConfig& hand, const Clock& clock,
-           std::uint64_t seed)
+  VicedArm(const Clock& clock, const ArmParts& parts)
       : WireDevice({.peak_force_newton = kPeakNewton, .continuous_force_newton = kPeakNewton},
                    clock),
         wakeful_(clock),
-        hardware_(simulated, hand, wakeful_, seed),
-        random_(seed + 2) {
-    set_specification({.model_name = "arm with vices",
-                       .workspace_half_extent_m = Vector3::Constant(0.05),
-                       .peak_force_newton = kPeakNewton,
-                       .continuous_force_newton = kPeakNewton,
-                       .position_resolution_m = simulated.position_resolution_m,
-                       .button_count = 1,
-                       .has_motor_watchdog = books == Books::kSimple});
+        hardware_(parts.simulated, parts.hand, wakeful_, parts.seed),
+        random_(parts.seed + 2),
+        drops_per_message_(parts.run.drops_per_message),
+        failed_releases_(parts.run.failed_releases),
+        turning_per_m_(parts.run.turning_per_m),
+        count_newton_(parts.run.count_newton) {
+    hardware_.set(parts.run.vices);
+    const auto jacobian_at = [this](const Vector3& hand_m) {
+      return std::optional<Matrix3>(gain(hand_m).cwiseInverse().asDiagonal());
+    };
+    const Vector3 half_extent_m = Vector3::Constant(0.05);
+    set_specification(
+        {.model_name = "arm with vices",
+         .workspace_half_extent_m = half_extent_m,
+         .peak_force_newton = kPeakNewton,
+         .continuous_force_newton = kPeakNewton,
+         .position_resolution_m = parts.simulated.position_resolution_m,
+         .button_count = 1,
+         .has_motor_watchdog = books == Books::kSimple,
+         .held_force_ratio = parts.run.bounds_held_currents
+                                 ? device::held_force_ratio(half_extent_m, jacobian_at)
+                                 : 1.0});
     set_calibrated();
   }
 
-  void set(const VicedRun& run) {
-    hardware_.set(run.vices);
-    turning_per_m_ = run.turning_per_m;
-    count_newton_ = run.count_newton;
-    drops_per_message_ = run.drops_per_message;
-    failed_releases_ = run.failed_releases;
-  }
   /// The dead-man button, or the grip that has it.
   void hold(bool is_held) { is_held_ = is_held; }
   /// The machine sleeps, the hardware does not.
@@ -124,11 +137,11 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
   WakefulClock wakeful_;
   device::Hardware hardware_;
   Random random_;
-  double drops_per_message_ = 0.0;
-  double failed_releases_ = 0.0;
+  const double drops_per_message_;
+  const double failed_releases_;
+  const double turning_per_m_;
+  const double count_newton_;
   bool is_held_ = true;
-  double turning_per_m_ = 0.0;
-  double count_newton_ = 0.0;
   Vector3 angles_of_m_ = Vector3::Zero();
   device::HeldTorque held_;
 };
@@ -158,8 +171,8 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
                   .damping_newton_s_per_m = random.uniform(30.0, 80.0)};
   hand.path = HostilePath{.radius_m = random.uniform(0.005, 0.04),
                           .v_max_m_per_s = random.uniform(0.05, 0.3)};
-  DeviceNodeBench<VicedArm<books>> bench(config, simulated, hand, seed);
-  bench.device.set(run);
+  DeviceNodeBench<VicedArm<books>> bench(
+      config, ArmParts{.run = run, .simulated = simulated, .hand = hand, .seed = seed});
   bench.reply_delay = from_seconds(random.uniform(0.0, 5e-4));
   bench.node.acknowledge();
   bench.node.acknowledge();
@@ -207,8 +220,10 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
     ++result.ticks;
     const double newton = bench.device.motor_newton().norm();
     result.mean_force_newton += newton;
-    result.most_true_joule =
-        std::max(result.most_true_joule, bench.device.true_state().energy_joule);
+    const double true_joule = bench.device.true_state().energy_joule;
+    result.most_true_joule = std::max(result.most_true_joule, true_joule);
+    result.deepest_fall_joule =
+        std::max(result.deepest_fall_joule, result.most_true_joule - true_joule);
     result.largest_force_newton = std::max(result.largest_force_newton, newton);
     if (newton > 1.01 * run.coulomb_newton) ++result.ticks_beyond_friction;
   }

@@ -16,6 +16,7 @@ struct VicedRun {
   device::HardwareVices vices;
   /// The arm turns: the force of held currents grows by this share per metre.
   double turning_per_m = 0.0;
+  bool bounds_held_currents = true;  ///< DeviceSpecification::held_force_ratio
   /// The motors take whole multiples of this force on each axis [N]; 0: any.
   double count_newton = 0.0;
   /// The process is stopped this often per tick, and for at most so long. Beyond the lease of a
@@ -62,6 +63,7 @@ struct VicedResult {
   std::uint64_t ticks_beyond_friction = 0;  ///< with a force above f_co
   double mean_force_newton = 0.0;           ///< over all ticks
   double most_true_joule = 0.0;             ///< that the hand had put in
+  double deepest_fall_joule = 0.0;          ///< of the true energy, below what it had been before
   std::uint64_t fallback_ticks = 0;
   std::uint64_t faults = 0;
 };

@@ -216,6 +216,14 @@ TEST(FalconDriver, SaysWhatHeldCurrentsDoWhileTheArmTurns) {
       open_falcon);
 }
 
+TEST(FalconDriver, KnowsWhatHeldCurrentsCanBeElsewhere) {
+  const ManualClock clock;
+  const EmulatedFalcon emulated(clock);
+  const FalconConfig& config = emulated.config();
+  expect_held_force_ratio(config, open_falcon(config, clock, {})->specification().held_force_ratio,
+                          FalconDelta::angles_rad);
+}
+
 TEST(FalconDriver, WholeTorquesKeepTheForceLimit) {
   Random random(1);
   for (int pose = 0; pose < 10; ++pose) {

@@ -302,6 +302,17 @@ TEST_F(MonitorWith1100MicroJoule, ChargesWhatTheMotorsRoundUp) {
   EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + 0.575e-3 / 2e-3 / 0.5, 1e-9);
 }
 
+// Friction absorbs 0.1 N itself, but not what held currents do more as the arm turns.
+TEST_F(MonitorWith1100MicroJoule, FallsByWhatHeldCurrentsDidMore) {
+  const double joule = monitor_.joule();
+  monitor_.switched(now_, hand_m_, {0.1, 0, 0}, 2ms);
+  monitor_.read(now_ + 1ms, hand_m_, {.turning_joule = 2e-5});
+  EXPECT_NEAR(monitor_.joule(), joule - 2e-5, 1e-12);
+  // what they did less is no credit
+  monitor_.read(now_ + 2ms, hand_m_, {.turning_joule = -2e-5});
+  EXPECT_NEAR(monitor_.joule(), joule - 2e-5, 1e-12);
+}
+
 // A reading 1 ms old: every command costs its drain 1 ms longer, so does the one that acts.
 TEST_F(MonitorWith1100MicroJoule, KeepsWhatTheSkewMayCost) {
   monitor_.read(now_ + 1ms, hand_m_ + Vector3(1e-4, 0, 0), {.skew = 1ms});

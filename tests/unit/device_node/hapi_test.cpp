@@ -278,6 +278,32 @@ TEST(HapiDriver, IdentifiesTheFrictionInItsPlaneFromBelow) {
   EXPECT_GE(found.coulomb_bound_newton, 0.8 * 0.15);
 }
 
+TEST(HapiDriver, KnowsWhatHeldCurrentsCanBeElsewhere) {
+  const ManualClock clock;
+  const EmulatedHapi emulated(clock);
+  const HapiConfig& config = emulated.config();
+  const auto device = open_hapi(config, clock, {});
+  ASSERT_TRUE(device->calibrate());
+  expect_held_force_ratio(
+      config, device->specification().held_force_ratio,
+      [links = Pantograph(pantograph_geometry(config))](const Vector3& m) {
+        const std::optional<Vector2> angles_rad = links.angles_rad(m.head<2>());
+        // the axis across the plane has no motor
+        return angles_rad ? std::optional<Vector3>(Vector3(angles_rad->x(), angles_rad->y(), m.z()))
+                          : std::nullopt;
+      });
+}
+
+TEST(HapiDriver, AWorkspaceThatEndsAtAStretchedArmHasNoBoundOfHeldCurrents) {
+  const ManualClock clock;
+  const EmulatedHapi emulated(clock);
+  HapiConfig config = emulated.config();
+  config.workspace_half_extent_m.x() = 0.12;
+  const auto device = open_hapi(config, clock, {});
+  ASSERT_TRUE(device->calibrate());
+  EXPECT_EQ(device->specification().held_force_ratio, std::numeric_limits<double>::infinity());
+}
+
 TEST(HapiDriver, AFileThatIsNoPortIsRefused) {
   const ManualClock clock;
   HapiConfig config = upright_pantograph();

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstddef>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <string>
 
@@ -101,8 +102,23 @@ TEST(Plugin, TheExampleWritesNothingThatItsCallerDoesNotKnow) {
   dlclose(library);
 }
 
-TEST(Plugin, AMeasuredForceThatNoDeviceHasReleasesTheMotors) {
-  for (const char* fault : {"measures no number", "measures too much"}) {
+TEST(Plugin, HeldCurrentsAndTheTimeOfATransferArePassedOn) {
+  const ManualClock clock;
+  const auto device = open_wrong("held currents", clock);
+  EXPECT_EQ(device->specification().held_force_ratio, 2.5);
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_EQ(sample.turning_joule, 0.25);
+  EXPECT_EQ(sample.skew, std::chrono::microseconds(300));
+  EXPECT_EQ(open_wrong("", clock)->specification().held_force_ratio, 1.0);
+  for (const char* fault : {"held less", "held no number"}) {
+    EXPECT_THAT(refusal_of(PALPATE_WRONG_DEVICE, fault), HasSubstr("held_force_ratio")) << fault;
+  }
+}
+
+TEST(Plugin, AReadingThatNoDeviceTakesReleasesTheMotors) {
+  for (const char* fault : {"measures no number", "measures too much", "turns no number",
+                            "skew of the past", "skew of hours"}) {
     const ManualClock clock;
     const auto device = open_wrong(fault, clock);
     DeviceSample sample;
@@ -134,12 +150,14 @@ TEST(VendorPlugins, WithoutTheLibraryTheDeviceOrAnOptionTheErrorSaysWhatToDo) {
 TEST(VendorPlugins, OpenHapticsHasItsOwnFrameAndEndsAForceWithItsLease) {
   test::SharedClock clock;  // no lease or limit passes while the library's thread is kept waiting
   const auto device = open_plugin(
-      {.library = PALPATE_OPEN_HAPTICS, .options = "resolution_m=55e-6" + kStub}, clock, {});
+      {.library = PALPATE_OPEN_HAPTICS, .options = "resolution_m=55e-6 held_force_ratio=3" + kStub},
+      clock, {});
   const DeviceSpecification& specification = device->specification();
   EXPECT_LT((specification.workspace_half_extent_m - Vector3(0.08, 0.03, 0.06)).norm(), 1e-12);
   EXPECT_EQ(specification.peak_force_newton, 3.3);
   EXPECT_EQ(specification.continuous_force_newton, 0.88);
   EXPECT_FALSE(specification.has_motor_watchdog);
+  EXPECT_EQ(specification.held_force_ratio, 3.0);
   // at (1, 2, 3) mm, the middle of the workspace is at (0, 10, 0) mm
   const Vector3 rest_m(0.001, -0.003, -0.008);
   DeviceSample sample;
@@ -171,6 +189,7 @@ TEST(VendorPlugins, ForceDimensionHasItsOwnFrameAndEndsAForceWithItsLease) {
       {.library = PALPATE_FORCE_DIMENSION, .options = kForceDimensionOptions + kStub}, clock, {});
   EXPECT_EQ(device->specification().workspace_half_extent_m, Vector3::Constant(0.05));
   EXPECT_FALSE(device->specification().has_motor_watchdog);
+  EXPECT_EQ(device->specification().held_force_ratio, std::numeric_limits<double>::infinity());
   const Vector3 rest_m(0.002, -0.001, 0.003);
   DeviceSample sample;
   ASSERT_TRUE(device->read(sample));

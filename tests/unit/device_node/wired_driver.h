@@ -184,6 +184,46 @@ void expect_turning_reported(const Config& config, double amplitude_m,
   EXPECT_GT(worst_of_held_joule, 6e-4);
 }
 
+/// Torques that make f_co at one place of the workspace are at no other one more force than `ratio`
+/// times that, and almost so much at some: by the differences of the joints' angles.
+/// @param angles_rad  of a place in the frame of the device: an optional
+template <class Config, class AnglesOf>
+void expect_held_force_ratio(const Config& config, double ratio, const AnglesOf& angles_rad) {
+  Random random(1);
+  const auto place = [&] {
+    // half of them at corners, where it is most
+    const bool is_corner = random.chance(0.5);
+    Vector3 share;
+    for (double& s : share) {
+      s = is_corner ? (random.chance(0.5) ? 1.0 : -1.0) : random.uniform(-1.0, 1.0);
+    }
+    return Vector3(share.cwiseProduct(config.workspace_half_extent_m));
+  };
+  /// ∂angles/∂position, D
+  const auto by_position = [&](const Vector3& position_m) {
+    constexpr double kStep_m = 1e-6;
+    Matrix3 by;
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      const Vector3 step_m = kStep_m * Vector3::Unit(axis);
+      const auto angles_at = [&](const Vector3& at_m) {
+        return angles_rad(Vector3(config.rotation.conjugate() * at_m + config.origin_m)).value();
+      };
+      by.col(axis) =
+          (angles_at(position_m + step_m) - angles_at(position_m - step_m)) / (2.0 * kStep_m);
+    }
+    return by;
+  };
+  double most = 0.0;
+  for (int pair = 0; pair < 20000; ++pair) {
+    const Matrix3 commanded_at = by_position(place());
+    const Vector3 force_newton = random.direction();
+    const Vector3 torque = commanded_at.transpose().inverse() * force_newton;
+    most = std::max(most, (by_position(place()).transpose() * torque).norm());
+  }
+  EXPECT_LE(most, ratio);
+  EXPECT_GE(most, 0.9 * ratio) << "nor is the limit lower than it has to be";
+}
+
 /// What the driver under test is made of. Time stands between the messages.
 template <class Emulated, auto open>
 struct DriverParts {

@@ -208,6 +208,15 @@ std::string wooden_refusal(const WoodenConfig& config, const Clock& clock) {
   return "opened";
 }
 
+TEST(WoodenDriver, KnowsWhatHeldCurrentsCanBeElsewhere) {
+  const SteadyClock clock;
+  const EmulatedWooden emulated(clock);
+  const WoodenConfig& config = emulated.config();
+  expect_held_force_ratio(
+      config, open_wooden(config, clock, {})->specification().held_force_ratio,
+      [arm = WoodenDrive(config).arm](const Vector3& m) { return arm.angles_rad(m); });
+}
+
 TEST(WoodenDriver, WaitsForItsCalibration) {
   const SteadyClock clock;
   const WoodenDrive drive(wooden_on_desk());

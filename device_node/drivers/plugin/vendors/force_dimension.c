@@ -8,9 +8,11 @@
  *   device { plugin { library: "force_dimension.so"
  *     options: "peak_newton=12 continuous_newton=12 half_extent_m=0.05 resolution_m=1e-5" } }
  *
- * All four options are needed: the library does not tell them. The firmware's watchdog ends a force
- * 10 ms after the last command: later than a lease may end, so the guarantee is reported as not
- * available while the process is stopped. Gravity compensation stays with the device. */
+ * All four options are needed: the library does not tell them. held_force_ratio=R
+ * (palpate_device.h) is known for no device: without it no force acts that the session does not
+ * accept. The firmware's watchdog ends a force 10 ms after the last command: later than a lease may
+ * end, so the guarantee is reported as not available while the process is stopped. Gravity
+ * compensation stays with the device. */
 #include "vendor_library.h"
 
 enum { kWatchdog = 80 }; /* of 125 µs */
@@ -94,6 +96,7 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
   s->peak_force_newton = option_number(options, "peak_newton");
   s->continuous_force_newton = option_number(options, "continuous_newton");
   s->position_resolution_m = option_number(options, "resolution_m");
+  s->held_force_ratio = held_force_ratio(options);
   for (int i = 0; i < 3; ++i)
     s->workspace_half_extent_m[i] = option_number(options, "half_extent_m");
   s->button_count = 1;

@@ -9,8 +9,9 @@
  *
  * The library switches forces in a thread of its own, 1000 times a second: a switch waits for that,
  * which is why the tick is slower. That thread ends a force with its lease; nothing does while the
- * process is stopped, and the guarantee is reported as not available then. Option device=NAME: of
- * several devices. */
+ * process is stopped, and the guarantee is reported as not available then. Options device=NAME, of
+ * several devices, and held_force_ratio=R (palpate_device.h), which is known for no device: without
+ * it no force acts that the session does not accept. */
 #include "servo_exchange.h"
 #include "vendor_library.h"
 
@@ -114,6 +115,7 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
   snprintf(s->model_name, sizeof(s->model_name), "OpenHaptics");
   s->button_count = 2;
   s->position_resolution_m = option_number(options, "resolution_m");
+  s->held_force_ratio = held_force_ratio(options);
   if (s->position_resolution_m == 0.0) {
     snprintf(error, error_size, "give resolution_m in the options, from the device's data sheet");
   } else {

@@ -39,6 +39,13 @@ static double option_number(const char* options, const char* key) {
   return *end == '\0' && value > 0.0 ? value : 0.0;
 }
 
+/* The option held_force_ratio, from what the vendor says of its motors while nothing tells them
+ * anything; without it none is known. */
+static double held_force_ratio(const char* options) {
+  const double ratio = option_number(options, "held_force_ratio");
+  return ratio > 0.0 ? ratio : INFINITY;
+}
+
 /* Loads the option `library` or else `name`, and `count` functions of it. NULL with the reason. */
 static void* load_library(const char* options, const char* name, const char* const* functions,
                           void** out, size_t count, char* error, size_t error_size) {
