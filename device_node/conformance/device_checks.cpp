@@ -12,6 +12,7 @@
 #include "device_node/conformance/lease_check.h"
 #include "device_node/conformance/motors_check.h"
 #include "device_node/conformance/pushes.h"
+#include "device_node/conformance/reopen_check.h"
 #include "device_node/conformance/watched_bench.h"
 
 namespace palpate::device {
@@ -29,6 +30,7 @@ constexpr int kExchanges = 200;            // whose median is the pace
 constexpr double kPush_m = 1e-3;           // a push along one axis ends here …
 constexpr Duration kLongestPush = 60ms;    // … or after this time
 constexpr double kLeastAlong = 0.5;        // cosine of motion and force
+constexpr Duration kMostSkew = 1s;         // of a reading and its switch
 
 bool apply(DeviceBench& bench, const Vector3& force_newton, Duration lease) {
   DeviceSample at_switch;
@@ -70,6 +72,9 @@ CheckOutcome check_specification(DeviceBench& bench) {
   if (!(s.position_resolution_m >= 0.0) || !(s.position_resolution_m < 1e-2)) {
     return failed(fmt::format("position_resolution_m = {:g}", s.position_resolution_m));
   }
+  if (!(s.held_force_ratio >= 1.0)) {
+    return failed(fmt::format("held_force_ratio = {:g}", s.held_force_ratio));
+  }
   if (s.button_count > 32) return failed(fmt::format("button_count = {}", s.button_count));
   return good(s.model_name + fmt::format(": {:.3g} N, {:.3g} N at peak, encoder steps of {:.3g} µm",
                                          s.continuous_force_newton, s.peak_force_newton,
@@ -88,6 +93,9 @@ std::string wrong_reading(DeviceBench& bench, const DeviceSample& sample, TimePo
   }
   if (!(std::abs(sample.orientation.norm() - 1.0) <= 1e-6)) {
     return fmt::format("an orientation of norm {:.6g}", sample.orientation.norm());
+  }
+  if (sample.skew < Duration::zero() || sample.skew > kMostSkew) {
+    return fmt::format("a skew of {:g} s", to_seconds(sample.skew));
   }
   const TimePoint now = bench.clock().now();
   if (sample.sampled_at < before - bench.stamp_tolerance() || sample.sampled_at > now) {
@@ -471,7 +479,13 @@ constexpr std::array kChecks{
     DeviceCheck{"not finite", "return false for a force that is not finite, motors limp",
                 watched<check_not_finite>},
     DeviceCheck{"allocation", "allocate when the device is opened, not in a tick",
-                watched<check_allocation>}};
+                watched<check_allocation>},
+    // the last one: a device that needs a calibration after it is of no use to another check
+    DeviceCheck{
+        "reopen",
+        "reopen() counts on from where the device is, or leaves phase() at kConnected until "
+        "a person has calibrated it",
+        watched<check_reopen>}};
 
 }  // namespace
 

@@ -44,6 +44,10 @@ class WatchedBench final : public DeviceBench, private HapticDevice {
     return note(bench_.device().take_latched(at_end), at_end);
   }
   [[nodiscard]] bool release() noexcept override { return bench_.device().release(); }
+  [[nodiscard]] DevicePhase phase() const noexcept override { return bench_.device().phase(); }
+  [[nodiscard]] bool reopen(Duration within) noexcept override {
+    return bench_.device().reopen(within);
+  }
 
   bool note(bool is_there, const DeviceSample& sample) noexcept {
     const bool is_finite = sample.hand_position_m.allFinite() &&

@@ -149,7 +149,7 @@ Duration EmulatedDevice::watchdog() const noexcept {
 void EmulatedDevice::set_vices() noexcept {
   HardwareVices vices{.watchdog = watchdog()};
   if (has(WireFault::kLate)) {
-    vices.sensing = vices.actuation = std::chrono::milliseconds(1);
+    vices.sensing = vices.actuation = std::chrono::milliseconds(2);
     vices.has_jitter = true;
   }
   if (has(WireFault::kOneTick)) vices.acts_for = std::chrono::microseconds(500);

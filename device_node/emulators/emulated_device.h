@@ -41,7 +41,7 @@ enum class WireFault : std::uint8_t {
   kWatchdog20,     ///< the motors end a force 20 ms after the last message
   kWatchdog100,
   kWatchdog500,
-  kLate,      ///< positions are up to 1 ms old, forces begin up to 1 ms late
+  kLate,      ///< positions are up to 2 ms old, forces begin up to 2 ms late
   kOneTick,   ///< a force ends by itself after 0.5 ms
   kTurning,   ///< currents are held while the arm turns, and with them not the force
   kReversed,  ///< the motors push the other way

@@ -96,6 +96,27 @@ void HapiEmulator::place(const DeviceSample& sample) {
   }
 }
 
+Vector3 HapiEmulator::force_newton(const Vector2& torque_newton_m,
+                                   const Vector2& angles_rad) const {
+  const std::optional<Matrix2> jacobian = links_.jacobian(angles_rad);
+  if (!jacobian || !torque_newton_m.allFinite() || std::abs(jacobian->determinant()) <= 1e-9) {
+    return Vector3::Zero();
+  }
+  const Vector2 force = jacobian->transpose().inverse() * torque_newton_m;
+  return config_.rotation * Vector3(force.x(), force.y(), 0.0);
+}
+
+DeviceSample HapiEmulator::move(const Vector2& torque_newton_m) {
+  if (!device_.has(WireFault::kTurning)) {
+    return device_.switch_to(force_newton(torque_newton_m, angles_rad_));
+  }
+  return device_.switch_to([this, torque_newton_m](const Vector3& hand_m) {
+    const Vector3 handle_m = config_.rotation.conjugate() * hand_m + config_.origin_m;
+    const std::optional<Vector2> angles = links_.angles_rad(handle_m.head<2>());
+    return angles ? force_newton(torque_newton_m, *angles) : Vector3(Vector3::Zero());
+  });
+}
+
 void HapiEmulator::answer(const std::byte* message) {
   const WireFault fault = device_.fault();
   const auto id = std::to_integer<std::uint8_t>(message[1]);
@@ -105,13 +126,7 @@ void HapiEmulator::answer(const std::byte* message) {
 
   const Vector2 torque_newton_m =
       Vector2(number_at(message + 2), number_at(message + 6)) / config_.torque_gain;
-  Vector3 force_newton = Vector3::Zero();
-  if (const std::optional<Matrix2> jacobian = links_.jacobian(angles_rad_);
-      jacobian && torque_newton_m.allFinite() && std::abs(jacobian->determinant()) > 1e-9) {
-    const Vector2 force = jacobian->transpose().inverse() * torque_newton_m;
-    force_newton = config_.rotation * Vector3(force.x(), force.y(), 0.0);
-  }
-  place(device_.switch_to(force_newton));
+  place(move(torque_newton_m));
   std::array<float, kHapiMotors> angles_deg{};
   for (std::size_t i = 0; i < kHapiMotors; ++i) {
     const auto axis = static_cast<Eigen::Index>(i);

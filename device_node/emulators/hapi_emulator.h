@@ -34,6 +34,10 @@ class HapiEmulator {
   void set_up();
   void place(const DeviceSample& sample);
   void answer(const std::byte* message);
+  DeviceSample move(const Vector2& torque_newton_m);
+  /// What these torques make where the arms are at these angles.
+  [[nodiscard]] Vector3 force_newton(const Vector2& torque_newton_m,
+                                     const Vector2& angles_rad) const;
 
   EmulatedDevice& device_;
   HapiConfig config_;

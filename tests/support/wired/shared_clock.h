@@ -23,4 +23,19 @@ class SharedClock final : public Clock {
   std::atomic<std::int64_t> now_ns_ = 0;
 };
 
+/// The hardware's time: it goes on while the machine sleeps. Any thread.
+class WakefulClock final : public Clock {
+ public:
+  explicit WakefulClock(const Clock& clock) : clock_(clock) {}
+  [[nodiscard]] TimePoint now() const noexcept override {
+    return clock_.now() + Duration(slept_ns_);
+  }
+  void sleep_until(TimePoint /*deadline*/) override {}
+  void slept(Duration duration) { slept_ns_ += duration.count(); }
+
+ private:
+  const Clock& clock_;
+  std::atomic<std::int64_t> slept_ns_ = 0;
+};
+
 }  // namespace palpate::test

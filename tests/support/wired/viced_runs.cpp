@@ -13,6 +13,7 @@
 #include "device_node/drivers/wire_device.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/wired/hostile_commands.h"
+#include "tests/support/wired/shared_clock.h"
 
 namespace palpate::test {
 namespace {
@@ -22,19 +23,6 @@ using device::Transfer;
 
 constexpr double kPeakNewton = 3.3;
 constexpr Duration kPastStep = 100us;  // of Hardware: how much older than its latency a position is
-
-/// The hardware's time: it goes on while the machine sleeps.
-class WakefulClock final : public Clock {
- public:
-  explicit WakefulClock(const Clock& clock) : clock_(clock) {}
-  [[nodiscard]] TimePoint now() const noexcept override { return clock_.now() + slept_; }
-  void sleep_until(TimePoint /*deadline*/) override {}
-  void slept(Duration duration) { slept_ += duration; }
-
- private:
-  const Clock& clock_;
-  Duration slept_{};
-};
 
 struct ArmParts {
   const VicedRun& run;

@@ -17,6 +17,7 @@
 #include "device_node/emulators/haply_emulator.h"
 #include "device_node/emulators/wooden_emulator.h"
 #include "device_node/simulation/true_state.h"
+#include "tests/support/wired/shared_clock.h"
 
 namespace palpate::test {
 namespace {
@@ -100,13 +101,14 @@ std::unique_ptr<device::WoodenEmulator> connect(device::EmulatedDevice& device,
 template <class Config>
 class WiredDevice final : public device::HapticDevice,
                           public device::TrueStateSource,
-                          public FaultOutcomeSource {
+                          public WiredHardware {
  public:
   using Open = std::unique_ptr<device::HapticDevice>(const Config&, const Clock&,
                                                      const device::StartUp&);
   WiredDevice(const Side& side, const Clock& clock, std::uint64_t seed, Duration watchdog,
               const std::vector<device::PlannedFault>& faults, Config config, Open& open)
-      : emulated_(side.simulated, side.hand, clock, seed, watchdog, faults),
+      : wakeful_(clock),
+        emulated_(side.simulated, side.hand, wakeful_, seed, watchdog, faults),
         emulator_(connect(emulated_, config, folder_)),
         server_([this](const std::stop_token& stop) { emulator_->run(stop); }),
         driver_(open(config, clock, device::StartUp{})) {
@@ -135,9 +137,11 @@ class WiredDevice final : public device::HapticDevice,
   [[nodiscard]] std::vector<device::FaultOutcome> outcomes() override {
     return emulated_.outcomes();
   }
+  void sleep(Duration duration) override { wakeful_.slept(duration); }
 
  private:
   TempFolder folder_;
+  WakefulClock wakeful_;
   device::EmulatedDevice emulated_;
   decltype(connect(std::declval<device::EmulatedDevice&>(), std::declval<Config&>(),
                    std::declval<const TempFolder&>())) emulator_;

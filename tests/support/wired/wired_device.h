@@ -17,17 +17,20 @@ namespace palpate::test {
 
 enum class WiredDriver { kHaply, kHapi, kFalcon, kWooden };
 
-/// What happened to the motors in the faults of an emulator.
-class FaultOutcomeSource {
+/// The hardware behind an emulator.
+class WiredHardware {
  public:
-  virtual ~FaultOutcomeSource() = default;
+  virtual ~WiredHardware() = default;
+  /// What happened to the motors in the faults.
   [[nodiscard]] virtual std::vector<device::FaultOutcome> outcomes() = 0;
+  /// The machine sleeps, the hardware does not.
+  virtual void sleep(Duration duration) = 0;
 };
 
 /// The simulated device of the side behind the emulator; its hand moves it.
 /// @param watchdog  after which the emulated motors end a force if no message comes
 /// @param seed      of the hand
-/// @param faults    of the wire and the hardware; the device is a FaultOutcomeSource
+/// @param faults    of the wire and the hardware; the device is a WiredHardware
 /// @param limit     of a transfer, in real time
 [[nodiscard]] std::unique_ptr<device::HapticDevice> open_wired(
     WiredDriver driver, const Side& side, const Clock& clock, std::uint64_t seed, Duration watchdog,

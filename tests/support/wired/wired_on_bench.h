@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -17,13 +18,14 @@ struct WiredSpec {
   WiredDriver driver;
   std::vector<device::PlannedFault> faults;
   Duration limit = test::patience(std::chrono::seconds(1));  ///< of a transfer, in real time
+  std::uint64_t seed = 1;                                    ///< of the hand
 };
 
 /// Of the motors' watchdog 20 ms.
 class WiredOnBench : public device::HapticDevice, public device::TrueStateSource {
  public:
   WiredOnBench(const Clock& clock, const WiredSpec& spec)
-      : device_(open_wired(spec.driver, spec.side, clock, 1, std::chrono::milliseconds(20),
+      : device_(open_wired(spec.driver, spec.side, clock, spec.seed, std::chrono::milliseconds(20),
                            spec.faults, spec.limit)) {}
 
   [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
@@ -48,8 +50,10 @@ class WiredOnBench : public device::HapticDevice, public device::TrueStateSource
     return dynamic_cast<device::TrueStateSource&>(*device_).true_state();
   }
   [[nodiscard]] std::vector<device::FaultOutcome> outcomes() {
-    return dynamic_cast<FaultOutcomeSource&>(*device_).outcomes();
+    return dynamic_cast<WiredHardware&>(*device_).outcomes();
   }
+  /// The machine sleeps, the hardware does not.
+  void sleep(Duration duration) { dynamic_cast<WiredHardware&>(*device_).sleep(duration); }
 
  private:
   std::unique_ptr<device::HapticDevice> device_;

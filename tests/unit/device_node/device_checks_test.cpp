@@ -54,6 +54,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     if (is("a reading that names no force") || names_its_force()) {
       specification_.has_motor_watchdog = false;
     }
+    if (is("held currents that vanish")) specification_.held_force_ratio = 0.5;
     if (is("a latch that is not there")) specification_.has_position_latch = true;
   }
 
@@ -100,6 +101,17 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     is_on_ = false;
     return !is("never confirms a release");
   }
+  [[nodiscard]] bool reopen(Duration within) noexcept override {
+    DeviceSample here;
+    if ((is("zero where it is reopened") || is("knows that it lost it")) && device_.read(here)) {
+      origin_m_ = here.hand_position_m;
+    }
+    return !is("cannot be reopened") && device_.reopen(within);
+  }
+  [[nodiscard]] DevicePhase phase() const noexcept override {
+    return is("knows that it lost it") && origin_m_ != Vector3::Zero() ? DevicePhase::kConnected
+                                                                       : device_.phase();
+  }
   [[nodiscard]] Vector3 motor_force_on_hand_newton() const noexcept override {
     return over_ * motors_.motor_force_on_hand_newton();
   }
@@ -121,6 +133,8 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   }
   bool falsify(DeviceSample& sample) noexcept {
     sample.buttons = is("buttons") ? 4 : 0;
+    sample.hand_position_m -= origin_m_;
+    if (is("a skew of the future")) sample.skew = Duration(-1);
     if (is("NaN") || is("a switch without a reading")) sample.hand_position_m.z() = std::nan("");
     if (is("millimetres")) sample.hand_position_m = 1e3 * Vector3(0.02, 0.0, 0.0);
     if (is("measures another force")) sample.measured_newton = Vector3(0, 0, 9);
@@ -145,6 +159,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   std::string force_;
   Vector3 named_newton_ = Vector3::Zero();
   TimePoint named_until_{};
+  Vector3 origin_m_ = Vector3::Zero();
   double over_ = 1.0;
   bool is_on_ = false;
   int reads_ = 0;
@@ -232,7 +247,11 @@ TEST(DeviceChecks, NameEachFault) {
                                               {"allocates", "allocation"},
                                               {"a force that is not named", "applied"},
                                               {"more than its peak", "applied"},
-                                              {"measures another force", "applied"}};
+                                              {"measures another force", "applied"},
+                                              {"held currents that vanish", "specification"},
+                                              {"a skew of the future", "reading"},
+                                              {"zero where it is reopened", "reopen"},
+                                              {"cannot be reopened", "reopen"}};
   if (!test::kIsSanitized) check_of.emplace("calls malloc", "allocation");
   for (const auto& [fault, check] : check_of) {
     const CheckOutcome found = outcomes_of(fault, true)[check];
@@ -251,6 +270,11 @@ TEST(DeviceChecks, AForceThatOnlyAReadingEndsIsSeenToEndOrToGoOn) {
     const CheckOutcome wrong = outcome_of("goes on after its lease");
     EXPECT_EQ(wrong.verdict, CheckVerdict::kFailed) << wrong.text;
   }
+}
+
+TEST(DeviceChecks, ADeviceThatSaysThatItLostItsCalibrationMayReopenAnywhere) {
+  const CheckOutcome found = outcomes_of("knows that it lost it", true)["reopen"];
+  EXPECT_EQ(found.verdict, CheckVerdict::kGood) << found.text;
 }
 
 // device_node enables neither.

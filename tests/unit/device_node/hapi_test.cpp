@@ -278,6 +278,18 @@ TEST(HapiDriver, IdentifiesTheFrictionInItsPlaneFromBelow) {
   EXPECT_GE(found.coulomb_bound_newton, 0.8 * 0.15);
 }
 
+TEST(HapiDriver, SaysWhatHeldCurrentsDoWhileTheArmTurns) {
+  HapiConfig config = upright_pantograph();
+  expect_turning_reported(
+      config, 0.012,
+      [&](EmulatedDevice& device) {
+        auto emulator = std::make_unique<HapiEmulator>(device, config);
+        config.port = emulator->port();
+        return emulator;
+      },
+      open_hapi);
+}
+
 TEST(HapiDriver, KnowsWhatHeldCurrentsCanBeElsewhere) {
   const ManualClock clock;
   const EmulatedHapi emulated(clock);

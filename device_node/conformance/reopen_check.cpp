@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "device_node/conformance/reopen_check.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "device_node/conformance/check_outcome.h"
+#include "device_node/conformance/pushes.h"
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double kPush_m = 2e-3;
+constexpr Duration kLongestPush = 60ms;
+constexpr Duration kWithin = 1s;
+constexpr double kOffAtMost = 0.5;  // of the way that the push moved it
+
+}  // namespace
+
+CheckOutcome check_reopen(DeviceBench& bench) {
+  HapticDevice& device = bench.device();
+  const Limp at_the_end(device);
+  const double step_m =
+      std::max(device.specification().position_resolution_m, bench.profile().position_resolution_m);
+  DeviceSample first;
+  DeviceSample before;
+  if (!device.read(first)) return failed(kNoReading);
+  before = first;
+  for (Duration t{}; t < kLongestPush; t += 1ms) {
+    if (!device.apply(gentle_force_newton(bench), 3ms, before)) return failed("apply() failed");
+    bench.pass(1ms);
+    if ((before.hand_position_m - first.hand_position_m).norm() > kPush_m) break;
+  }
+  if (!device.release()) return failed("release() failed");
+  const std::optional<Vector3> drift_m_per_s = come_to_rest(bench, step_m);
+  if (!drift_m_per_s || !device.read(before)) return failed(kNoReading);
+
+  if (!device.reopen(kWithin)) return failed("reopen() failed, of a device that answered");
+  if (device.phase() != DevicePhase::kCalibrated) {
+    return good("it says that it needs its calibration again");
+  }
+  DeviceSample after;
+  if (!device.read(after)) return failed(kNoReading);
+  const Vector3 off_m = after.hand_position_m - before.hand_position_m -
+                        to_seconds(after.sampled_at - before.sampled_at) * drift_m_per_s.value();
+  const double moved_m = (before.hand_position_m - first.hand_position_m).norm();
+  if (off_m.norm() > kOffAtMost * std::max(moved_m, kSeenToMove_m + 4.0 * step_m)) {
+    return failed("it is " + text_of(off_m, 1e3, "mm") +
+                  " from where it was, and says that it is calibrated");
+  }
+  if (moved_m < kSeenToMove_m + 4.0 * step_m) {
+    return not_observable("it does not move: does somebody hold it?");
+  }
+  return good(
+      fmt::format("{:.2g} mm from where it was opened, it knows where it is", 1e3 * moved_m));
+}
+
+}  // namespace palpate::device
