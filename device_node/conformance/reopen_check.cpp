@@ -12,8 +12,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kPush_m = 2e-3;
-constexpr Duration kLongestPush = 60ms;
+constexpr double kAway_m = 2e-3;
+constexpr Duration kLongestAway = 60ms;
 constexpr Duration kWithin = 1s;
 constexpr double kOffAtMost = 0.5;  // of the way that the push moved it
 
@@ -28,10 +28,10 @@ CheckOutcome check_reopen(DeviceBench& bench) {
   DeviceSample before;
   if (!device.read(first)) return failed(kNoReading);
   before = first;
-  for (Duration t{}; t < kLongestPush; t += 1ms) {
+  for (Duration t{}; t < kLongestAway; t += 1ms) {
     if (!device.apply(gentle_force_newton(bench), 3ms, before)) return failed("apply() failed");
     bench.pass(1ms);
-    if ((before.hand_position_m - first.hand_position_m).norm() > kPush_m) break;
+    if ((before.hand_position_m - first.hand_position_m).norm() > kAway_m) break;
   }
   if (!device.release()) return failed("release() failed");
   const std::optional<Vector3> drift_m_per_s = come_to_rest(bench, step_m);
