@@ -26,6 +26,7 @@ std::string newton_text(double newton) {
 
 }  // namespace
 
+/// Lemma: held_torque.
 double largest_force_newton(const DeviceConfig& config,
                             const DeviceSpecification& specification) noexcept {
   const bool may_exceed_friction =

@@ -122,7 +122,8 @@ void ForceMonitor::lost() noexcept {
   bound_.lost();
   is_lost_ = true;
   if (ends_.are_by_themselves || last_end_ <= since_) return;
-  // the lease of each command is paid; beyond that the force went on until its release
+  // the lease of each command is paid; beyond that the force went on until its release. Lemma:
+  // failed_release.
   for (const Vector3& force : {acting_newton_, failed_newton_.value_or(Vector3::Zero())}) {
     const double drain = worst_hand_.drain_watt(force);
     if (drain == 0.0) continue;
