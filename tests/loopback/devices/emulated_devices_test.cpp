@@ -152,7 +152,7 @@ TEST_F(EmulatedDevices, WithoutAcceptanceTheirForceStaysAtTheFriction) {
   ASSERT_FALSE(summary.is_discarded()) << launch.out();
   EXPECT_FALSE(summary.at("accepts_no_motor_watchdog").get<bool>());
   EXPECT_LE(summary.at("max_force_n").get<double>(), 0.1 + 1e-9) << "f_co";
-  EXPECT_THAT(launch.err(), HasSubstr("none: forces stay at or below f_co"));
+  EXPECT_THAT(launch.err(), HasSubstr("none: forces stay within the dry friction"));
 }
 
 TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
@@ -249,7 +249,7 @@ TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
   EXPECT_THAT(doctor.out, HasSubstr("has 3 buttons, counted from 0"));
   EXPECT_THAT(doctor.out, HasSubstr("SIGUSR2 to device_node, or a press of button 3"));
   EXPECT_THAT(doctor.out,
-              HasSubstr("note   motor watchdog           none: forces stay at or below f_co"));
+              HasSubstr("note   motor watchdog           none: forces stay within the dry friction"));
   const Outcome without = test::run_program("palpate", {"doctor", kHaplySession, "--set", setting,
                                                         "--set", "device.hands_off_check=true"});
   EXPECT_THAT(without.out, HasSubstr("each fault: SIGUSR2 to device_node"));
