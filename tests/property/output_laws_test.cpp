@@ -52,6 +52,57 @@ TEST(OutputLaws, PaperModeReducesEachAxisOrKeepsIt) {
   }
 }
 
+/// A clamp and copies of it: the first is taken after 700 steps, and put back, when the clamp is
+/// reset after 1,000.
+template <class Clamp>
+class Copied final : public ForceController {
+ public:
+  explicit Copied(const Clamp& clamp) : clamp_(clamp), copy_(clamp) {}
+  void reset() noexcept override {}
+  [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override {
+    if (steps_ == 700) copy_ = clamp_;
+    if (steps_ == 1000) {
+      clamp_.reset();
+      clamp_ = copy_;
+    }
+    const ControlOutput out = clamp_.step(input);
+    if (steps_++ >= 700) {
+      const ControlOutput again = copy_.step(input);
+      differing_ += again.force_on_hand_newton != out.force_on_hand_newton ||
+                            again.ledger_energy_joule != out.ledger_energy_joule ||
+                            again.lease_s != out.lease_s
+                        ? 1
+                        : 0;
+    }
+    return out;
+  }
+  [[nodiscard]] int differing() const { return differing_; }
+
+ private:
+  Clamp clamp_;
+  Clamp copy_;
+  int steps_ = 0;
+  int differing_ = 0;
+};
+
+/// What a clamp remembers is in it: a copy decides the same from then on, to the bit.
+TEST(OutputLaws, ACopyOfAClampDecidesTheSame) {
+  for (const std::uint64_t seed : seeds(20)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    const auto differing = [](auto& c, auto clamp) {
+      Copied controller(clamp);
+      ClosedLoop loop(c.random, c.hand, c.timing, c.q, c.assumed.f_co);
+      loop.run(controller, 1500, [](const ControlInput&, const ControlOutput&) {});
+      return controller.differing();
+    };
+    GuardCase guarded(seed);
+    EXPECT_EQ(differing(guarded, GuardMofc(guarded.parameters())), 0);
+    Case c(seed);
+    EXPECT_EQ(differing(c, VectorMofc(c.assumed, c.assumed_q, c.assumed_delay_s)), 0);
+    EXPECT_EQ(differing(c, PaperMofc(c.assumed)), 0);
+  }
+}
+
 /// Any finite double, of any size: all bit patterns but those of infinity and NaN.
 double any_finite(Random& random) {
   for (;;) {
