@@ -9,8 +9,9 @@
 #                                  it: the tests that need no real time once more, with assertions
 #                                  and under the address and undefined behaviour sanitizers
 #   tests/run.sh --all             --ci, the thread sanitizer too, ten times as many seeds in the
-#                                  release build, an upgrade of the Debian package, and the first
-#                                  pages in a fresh Debian (as root)
+#                                  release build, faults of the devices' wires in real time, an upgrade
+#                                  of the Debian package, and the first pages in a fresh Debian (as
+#                                  root)
 #   tests/run.sh -R 'Codec'        further arguments go to each ctest
 #   tests/run.sh --soak MINUTES [SEED]   instead: a long session with random faults
 set -euo pipefail
@@ -48,6 +49,7 @@ case "${1:-}" in
   --all)
     presets=(release asan tsan)
     release_seeds=10  # 10 000 runs of the guarantee
+    export PALPATE_DEVICE_FAULTS=1
     has_lint=true
     is_all=true
     shift
