@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -36,8 +37,9 @@ enum class JournalKind : std::uint8_t {
   kLost = 9,      ///< to here; a reset, with begin() of the two others
   kBegin = 10,    ///< FrozenWatch::begin()
   kFault = 11,    ///< a fault was latched
+  kLedger = 12,   ///< what a clamp counts on came with its answer
 };
-inline constexpr int kJournalKinds = 12;
+inline constexpr int kJournalKinds = 13;
 
 /// One call, its arguments and what it decided. Fields that a kind does not use are zero.
 struct JournalEntry {
@@ -48,7 +50,8 @@ struct JournalEntry {
   Vector3 force_newton = Vector3::Zero();  ///< D
   Duration lease{};                        ///< or late, or slept
   ReadingDetails details{};
-  bool is_good = true;                       ///< kJudge, kFrozen: plausible; kCover: not reduced
+  bool is_good = true;        ///< kJudge, kFrozen, kLedger: plausible; kCover: not reduced
+  double ledger_joule = 0.0;  ///< kLedger
   Vector3 covered_newton = Vector3::Zero();  ///< kCover
   Duration covered_lease{};                  ///< kCover
   double monitor_joule = 0.0;                ///< M after the call
@@ -66,6 +69,7 @@ struct JournalEntry {
     archive(details.turning_joule);
     archive(details.acting_newton);
     archive(is_good);
+    archive(ledger_joule);
     archive(covered_newton);
     archive(covered_lease);
     archive(monitor_joule);
@@ -209,8 +213,13 @@ class JournaledMonitor {
   [[nodiscard]] bool is_account_plausible() const noexcept {
     return monitor_.is_account_plausible();
   }
-  [[nodiscard]] bool is_ledger_plausible(double ledger_joule) const noexcept {
-    return monitor_.is_ledger_plausible(ledger_joule);
+  [[nodiscard]] bool is_ledger_plausible(double ledger_joule) noexcept {
+    const bool is_plausible = monitor_.is_ledger_plausible(ledger_joule);
+    // NaN: this clamp counts on nothing
+    if (!std::isnan(ledger_joule)) {
+      note({.kind = JournalKind::kLedger, .is_good = is_plausible, .ledger_joule = ledger_joule});
+    }
+    return is_plausible;
   }
   [[nodiscard]] double coverable_joule() const noexcept { return monitor_.coverable_joule(); }
   [[nodiscard]] const ForceMonitor& monitor() const noexcept { return monitor_; }

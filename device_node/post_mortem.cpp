@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <boost/crc.hpp>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <utility>
 
@@ -123,6 +125,9 @@ bool repeat(JournalState& state, const JournalEntry& entry, bool& is_good) {
       state.frozen.begin();
       break;
     case JournalKind::kFault:
+      break;
+    case JournalKind::kLedger:
+      is_good = monitor.is_ledger_plausible(entry.ledger_joule);
       break;
   }
   return is_good == entry.is_good && monitor.joule() == entry.monitor_joule;
@@ -285,6 +290,10 @@ Recomputed recompute_fault(const FaultFile& file) {
       if (!repeat(state, entry, is_good)) ++out.different;
       ++out.entries;
       if (entry.kind == JournalKind::kCover && !is_good) ++out.reductions;
+      if (entry.kind == JournalKind::kLedger) {
+        ++out.ledgers;
+        if (!is_good) ++out.ledger_excesses;
+      }
       if (entry.kind == JournalKind::kRead) was_plausible = state.monitor.is_account_plausible();
     }
     if (entry.kind == JournalKind::kJudge || entry.kind == JournalKind::kFrozen) {
@@ -316,7 +325,9 @@ std::string recomputed_text(const FaultFile& file, const Recomputed& recomputed)
   std::string text = std::to_string(recomputed.entries) + " entries: ";
   text += recomputed.different == 0 ? "monitor and checks decide the same, to the bit"
                                     : std::to_string(recomputed.different) + " differ";
-  text += "; " + std::to_string(recomputed.reductions) + " commands reduced by the monitor";
+  text += "; " + std::to_string(recomputed.reductions) + " commands reduced by the monitor, " +
+          std::to_string(recomputed.ledger_excesses) + " of " + std::to_string(recomputed.ledgers) +
+          " ledgers above what the hand can have put in";
   if (recomputed.has_gap) text += "; then entries were lost: what follows is not compared";
   text += '\n';
   if (recomputed.has_gap || recomputed.fault == FaultReason::kNone) return text;
@@ -353,21 +364,34 @@ std::string fault_text(const FaultFile& file, const Recomputed& recomputed) {
   }
 
   // M at each of the last readings, which the ticks of the table do not have
-  out << "\nlast readings, ms before the fault, monitor's energy µJ, force N\n";
-  std::vector<const JournalEntry*> reads;
+  out << "\nlast readings, ms before the fault, monitor's energy µJ, force N, clamp's ledger µJ\n";
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  struct Read {
+    const JournalEntry* entry;
+    double ledger_joule;  // that came with the answer before a switch
+  };
+  std::vector<Read> reads;
+  double ledger_joule = kNone;
   for (const JournalEntry& entry : file.entries) {
-    if (entry.kind == JournalKind::kRead || entry.kind == JournalKind::kSwitched) {
-      reads.push_back(&entry);
+    if (entry.kind == JournalKind::kLedger) ledger_joule = entry.ledger_joule;
+    if (entry.kind == JournalKind::kRead) reads.push_back({&entry, kNone});
+    if (entry.kind == JournalKind::kSwitched) {
+      reads.push_back({&entry, std::exchange(ledger_joule, kNone)});
     }
   }
   for (std::size_t i = reads.size() - std::min(reads.size(), kTicksShown); i < reads.size(); ++i) {
+    const JournalEntry& entry = *reads[i].entry;
     char line[120];
-    std::snprintf(line, sizeof(line), "%12s  %-8s %12.1f", milliseconds(end - reads[i]->at).c_str(),
-                  reads[i]->kind == JournalKind::kRead ? "reading" : "switch",
-                  1e6 * reads[i]->monitor_joule);
+    std::snprintf(line, sizeof(line), "%12s  %-8s %12.1f", milliseconds(end - entry.at).c_str(),
+                  entry.kind == JournalKind::kRead ? "reading" : "switch",
+                  1e6 * entry.monitor_joule);
     out << line;
-    if (reads[i]->kind == JournalKind::kSwitched) {
-      std::snprintf(line, sizeof(line), "  %.3f", reads[i]->force_newton.norm());
+    if (entry.kind == JournalKind::kSwitched) {
+      std::snprintf(line, sizeof(line), "  %.3f", entry.force_newton.norm());
+      out << line;
+    }
+    if (!std::isnan(reads[i].ledger_joule)) {
+      std::snprintf(line, sizeof(line), " %12.1f", 1e6 * reads[i].ledger_joule);
       out << line;
     }
     out << '\n';

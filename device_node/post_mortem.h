@@ -77,6 +77,8 @@ struct Recomputed {
   bool is_whole = false;
   bool has_gap = false;                    ///< entries were lost: what follows is not compared
   std::size_t reductions = 0;              ///< of the monitor
+  std::size_t ledgers = 0;                 ///< that came with answers of a clamp
+  std::size_t ledger_excesses = 0;         ///< of them, above what the hand can have put in
   FaultReason fault = FaultReason::kNone;  ///< the last one in the file, compared or not
   /// It follows from the readings; false: the device, its wire or the machine reported it.
   bool is_computed = false;

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <functional>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -75,7 +76,8 @@ class DeviceNodeBench {
                .answers_sequence = sequence,
                .answers_sampled_at = states.back().header.sampled_at,
                .force_on_hand_newton = force_newton,
-               .valid_for = valid_for};
+               .valid_for = valid_for,
+               .counted_energy_joule = ledger_joule};
     due_ = clock.now() + reply_delay;
     is_pending_ = true;
     deliver();
@@ -118,6 +120,8 @@ class DeviceNodeBench {
   Device device;
   std::function<void(const DeviceState&)> on_state;  ///< mofc
   Duration reply_delay{};
+  /// That comes with each answer; NaN: none.
+  double ledger_joule = std::numeric_limits<double>::quiet_NaN();
   Duration stall_in_wait{};  ///< > 0: the process is stopped for so long in its next wait
 
  private:

@@ -157,6 +157,32 @@ TEST(PostMortem, AJumpOfTheEncoderFollowsFromTheReadings) {
   EXPECT_GT(changed.different, 0U);
 }
 
+TEST(PostMortem, TheLedgersOfAClampAreInTheFileAndJudgedAgain) {
+  Journal journal;
+  PostMortem post_mortem;
+  DeviceNodeBench<ScriptedDevice> bench(monitored_config(), true, &journal);
+  bench.answer_with({1.0, 0.0, 0.0}, 2ms);
+  for (int i = 0; i < 1'000; ++i) {
+    bench.ledger_joule = i < 900 ? 1e-9 * i : 5.0;  // no hand has put in 5 J
+    bench.tick();
+    if (i % 20 == 19) post_mortem.take(journal);
+  }
+  bench.device.fails_to_read = true;
+  bench.tick();
+  post_mortem.take(journal);
+  const TempFolder folder;
+  const FaultFile file = device::read_fault_file(file_of(folder, post_mortem, bench.ticks));
+  const device::Recomputed recomputed = device::recompute_fault(file);
+
+  EXPECT_GT(recomputed.ledgers, 800U);
+  EXPECT_EQ(recomputed.ledger_excesses, bench.node.counters().ledger_excesses);
+  EXPECT_NEAR(static_cast<double>(recomputed.ledger_excesses), 100.0, 2.0);
+  EXPECT_EQ(recomputed.different, 0U);
+  const std::string text = device::fault_text(file, recomputed);
+  EXPECT_THAT(text, HasSubstr("ledgers above what the hand can have put in"));
+  EXPECT_THAT(text, HasSubstr(" 5000000.0\n"));
+}
+
 TEST(PostMortem, AnotherStateOrALostEntryIsNoticed) {
   Wired wired(WiredDriver::kHapi, {{.kind = WireFault::kGarbage, .from_s = 3.0, .length_s = 1.0}});
   wired.run(3'500);
