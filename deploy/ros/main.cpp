@@ -107,7 +107,8 @@ int run_viewer(int argc, char** argv) {
            "Shows a running session or a replay to nodes of ROS 2, by DDS or a rosbridge server: "
            "measured_cp, "
            "measured_cv, measured_cf, servo_cf, measured_js, operating_state, energy, tf and "
-           "markers. Receives nothing. `palpate ros physics --help`: forces from ROS 2.",
+           "markers. Receives nothing. `palpate ros physics --help`: forces from ROS 2; `palpate "
+           "ros device --help`: an arm of ROS 2 as the device.",
        .add_options =
            [&](CLI::App& app) {
              common.add_to(app);

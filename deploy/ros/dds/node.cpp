@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/ros/dds/node.h"
 
+#include <netdb.h>
+
 #include <algorithm>
 #include <cstring>
 #include <memory>
@@ -43,6 +45,14 @@ bool is_plain(const std::string& text) {
 
 bool is_address(const std::string& text) {
   return text.find_first_not_of("0123456789.") == std::string::npos;
+}
+
+/// An address or a name that this machine knows. Asks the network, maybe.
+bool is_known(const std::string& host) {
+  addrinfo* found = nullptr;
+  const bool is_there = getaddrinfo(host.c_str(), nullptr, nullptr, &found) == 0;
+  if (found != nullptr) freeaddrinfo(found);
+  return is_there;
 }
 
 /// What strangers call themselves may be anything.
@@ -118,7 +128,17 @@ std::string configuration_of(const Network& network) {
     peers += "<Peer Address=\"" + peer + "\"/>";
   };
   if (network.is_loopback()) add_peer("127.0.0.1");
-  for (const std::string& peer : network.peers) add_peer(peer);
+  for (const std::string& peer : network.peers) {
+    add_peer(peer);
+    if (network.is_loopback() && !peer.starts_with("127.")) {
+      throw SetupError("--peer = " + peer +
+                       ": nothing leaves this machine by --interface = " + network.interface +
+                       "; give the address of the interface to it, and --domain");
+    }
+    if (!is_known(peer)) {
+      throw SetupError("--peer = " + peer + ": no machine of that name or address is known");
+    }
+  }
   return "<CycloneDDS><Domain><General><Interfaces><NetworkInterface " +
          std::string(is_address(network.interface) ? "address" : "name") + "=\"" +
          network.interface + "\"" + (network.is_loopback() ? " multicast=\"false\"" : "") +

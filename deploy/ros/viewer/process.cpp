@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <list>
+#include <string>
 #include <variant>
 #include <vector>
 
@@ -19,6 +20,7 @@ namespace {
 
 constexpr Duration kPumpInterval = std::chrono::milliseconds(20);
 constexpr Duration kStrangersInterval = std::chrono::milliseconds(200);
+constexpr Duration kSilence = std::chrono::seconds(3);
 
 }  // namespace
 
@@ -32,14 +34,18 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
   }
   SceneTopics scene(node, options.topics.name_space);
   scene.write_bases(session, sides);
-  context.log.info("event=ros {} out={}/measured_cp", text_of(options.network),
-                   options.topics.name_space);
+  std::string out;
+  for (const SideTopics* side : sides)
+    out += (out.empty() ? "" : ",") + side->prefix() + "measured_cp";
+  context.log.info("event=ros {} out={}", text_of(options.network), out);
 
   std::vector<viewer::TelemetryMirror> mirrors(session.sides.size());
   viewer::TelemetryFeed feed(session, context.clock, links);
   const viewer::SideIndex side_of(session);
   viewer::HiddenLesions hidden(session);  // what a person searches for is told to nobody
+  bool is_heard = false;
   feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
+    is_heard = true;
     if (const auto* device = std::get_if<DeviceBatch>(&message)) {
       if (const auto side = side_of.of(device->side)) sides[*side]->take(*device);
     } else if (const auto* mofc = std::get_if<MofcBatch>(&message)) {
@@ -54,6 +60,7 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
   TimePoint next_strangers{};
+  const TimePoint silent_at = context.clock.now() + kSilence;
   while (!context.stop.stop_requested()) {
     feed.pump(mirrors, context.clock.now() + kPumpInterval);
     const TimePoint now = context.clock.now();
@@ -61,6 +68,12 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
     scene.pump(sides);
     refused_peers.note(now);
     heap.note(now);
+    if (!is_heard && now >= silent_at) {
+      is_heard = true;  // said once
+      context.log.warn(
+          "event=nothing_heard what=\"no node of this session has sent anything yet: does it run, "
+          "from this file?\"");
+    }
     if (now < next_strangers) continue;
     next_strangers = now + kStrangersInterval;
     node.note_strangers([&](const char* event, const std::string& line) {

@@ -56,6 +56,7 @@ SideTopics::SideTopics(Node& node, const RosTopicOptions& options, const std::st
 SideTopics::SideTopics(Node& node, const RosTopicOptions& options, const std::string& side,
                        const std::string& prefix)
     : has_every_tick_(options.has_every_tick),
+      prefix_(prefix),
       frames_{.tool = with(side, "tool"), .device = with(side, "device_base")},
       joints_{with(side, "x"), with(side, "y"), with(side, "z")},
       pose_out_(node.writer<PoseStamped>(prefix + "measured_cp", options.offer)),

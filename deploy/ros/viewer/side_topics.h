@@ -50,6 +50,8 @@ class SideTopics {
   void pump(const viewer::TelemetryMirror& mirror, TimePoint now);
 
   [[nodiscard]] const RosFrames& frames() const { return frames_; }
+  /// Of its topics: "palpate/", "palpate/left/".
+  [[nodiscard]] const std::string& prefix() const { return prefix_; }
   /// The newest pose, once after each batch.
   struct Pose {
     std::int64_t at_ns = 0;
@@ -77,6 +79,7 @@ class SideTopics {
   void count(bool is_sent) { left_out_ += is_sent ? 0 : 1; }
 
   bool has_every_tick_;
+  std::string prefix_;
   RosFrames frames_;
   std::array<std::string, 3> joints_;
   Writer<PoseStamped> pose_out_;

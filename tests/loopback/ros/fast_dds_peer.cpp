@@ -6,13 +6,15 @@
 //                                                   400 N/m below z = 0, or a fault
 //   fast_dds_peer DOMAIN NAMESPACE listen [reliable]  prints the poses and forces that it hears
 //   fast_dds_peer DOMAIN NAMESPACE read             prints the newest message of every other topic
+//   fast_dds_peer DOMAIN NAMESPACE dump             prints the first message of every topic, as it
+//                                                   came: hexadecimal
 //   fast_dds_peer DOMAIN NAMESPACE arm [FAULT]      measured_cp, operating_state and buttons out,
 //   servo_cf
 //                                                   in: an arm and the hand that moves it
 //
 // A fault begins 1.5 mm deep after SIGUSR1: stop, repeat, nan, huge (1000 N), late (20 ms),
-// reorder, flood; or at once: own_clock, wrong_hash, milli (in mN), other_frame, wrong_type. Ends
-// with SIGTERM and prints what was sent and received.
+// too_late (300 ms), lose (three of four), reorder, flood; or at once: own_clock, wrong_hash, milli
+// (in mN), other_frame, wrong_type. Ends with SIGTERM and prints what was sent and received.
 //
 // The arm's x points away from the person, its y to the left; the middle of its workspace is at
 // z = 0.1. A fault begins after SIGUSR1: stop, repeat, nan, unhomed, let_go (of the button).
@@ -244,10 +246,11 @@ class Source final : public dds::DataReaderListener {
     if (is_wrong_ && fault_ == "repeat") return;
     if (is_wrong_ && fault_ == "nan") wrench.numbers[2] = std::numeric_limits<double>::quiet_NaN();
     if (is_wrong_ && fault_ == "huge") wrench.numbers = {0.0, 0.0, 1000.0, 0.0, 0.0, 0.0};
-    if (is_wrong_ && fault_ == "late") {
-      late_.push_back({Clock::now() + 20ms, wrench});
+    if (is_wrong_ && (fault_ == "late" || fault_ == "too_late")) {
+      late_.push_back({Clock::now() + (fault_ == "late" ? 20ms : 300ms), wrench});
       return;
     }
+    if (is_wrong_ && fault_ == "lose" && ++answers_ % 4 != 0) return;
     if (is_wrong_ && fault_ == "reorder" && ++answers_ % 2 == 1) {
       held_ = wrench;
       return;
@@ -453,7 +456,9 @@ class Reading final : public dds::DataReaderListener {
     dds::SampleInfo info;
     while (reader->take_next_sample(&words, &info) == ReturnCode_t::RETCODE_OK) {
       const std::scoped_lock lock(mutex_);
-      if (info.valid_data) newest_ = words.text;
+      if (!info.valid_data) continue;
+      newest_ = words.text;
+      if (first_.empty()) first_ = words.cdr;
     }
   }
   void print(const std::string& topic) {
@@ -461,13 +466,24 @@ class Reading final : public dds::DataReaderListener {
     if (!newest_.empty()) std::printf("%s: %s\n", topic.c_str(), newest_.c_str());
     newest_.clear();
   }
+  /// Once.
+  void dump(const std::string& topic, const char* type) {
+    const std::scoped_lock lock(mutex_);
+    if (is_dumped_ || first_.empty()) return;
+    is_dumped_ = true;
+    std::printf("%s %s ", topic.c_str(), type);
+    for (const char byte : first_) std::printf("%02x", static_cast<unsigned char>(byte));
+    std::printf("\n");
+  }
 
  private:
   std::mutex mutex_;
   std::string newest_;
+  std::string first_;  // bytes
+  bool is_dumped_ = false;
 };
 
-void read_all(Peer& peer) {
+void read_all(Peer& peer, bool is_dump) {
   struct Topic {
     std::string name;
     const char* type;
@@ -476,7 +492,7 @@ void read_all(Peer& peer) {
     bool is_latched = false;
   };
   const std::string prefix = peer.name_space() + "/";
-  const std::vector<Topic> topics{
+  std::vector<Topic> topics{
       {prefix + "measured_cv", "geometry_msgs::msg::dds_::TwistStamped_", &read_twist},
       {prefix + "servo_cf", "geometry_msgs::msg::dds_::WrenchStamped_", &read_wrench},
       {prefix + "measured_js", "sensor_msgs::msg::dds_::JointState_", &read_joints},
@@ -488,6 +504,12 @@ void read_all(Peer& peer) {
       {prefix + "tissues", "visualization_msgs::msg::dds_::Marker_", &read_marker, false, true},
       {"tf", "tf2_msgs::msg::dds_::TFMessage_", &read_frames, false},
       {"tf_static", "tf2_msgs::msg::dds_::TFMessage_", &read_frames, false, true}};
+  if (is_dump) {
+    topics.push_back({prefix + "measured_cp", "geometry_msgs::msg::dds_::PoseStamped_",
+                      [](Cdr&) { return std::string(); }});
+    topics.push_back(
+        {prefix + "measured_cf", "geometry_msgs::msg::dds_::WrenchStamped_", &read_wrench});
+  }
   std::deque<Reading> readings(topics.size());
   std::vector<dds::DataReader*> readers;
   for (std::size_t i = 0; i < topics.size(); ++i) {
@@ -497,7 +519,13 @@ void read_all(Peer& peer) {
   }
   while (!has_ended) {
     std::this_thread::sleep_for(100ms);
-    for (std::size_t i = 0; i < topics.size(); ++i) readings[i].print(topics[i].name);
+    for (std::size_t i = 0; i < topics.size(); ++i) {
+      if (is_dump) {
+        readings[i].dump(topics[i].name, topics[i].type);
+      } else {
+        readings[i].print(topics[i].name);
+      }
+    }
     std::fflush(stdout);
   }
   for (dds::DataReader* reader : readers) reader->set_listener(nullptr);
@@ -515,8 +543,8 @@ int run(int argc, char** argv) {
     Source(peer, more).run();
   } else if (mode == "arm") {
     Arm(peer, more).run();
-  } else if (mode == "read") {
-    read_all(peer);
+  } else if (mode == "read" || mode == "dump") {
+    read_all(peer, mode == "dump");
   } else {
     listen(peer, more == "reliable");
   }

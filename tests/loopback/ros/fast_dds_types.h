@@ -218,6 +218,7 @@ inline std::string read_marker(Cdr& cdr) {
 
 struct Words {
   std::string text;
+  std::string cdr;  ///< bytes of the message as it came
 };
 /// Any type, read by `read`; what is left over is told.
 class WordsType final : public dds::TopicDataType {
@@ -232,6 +233,7 @@ class WordsType final : public dds::TopicDataType {
     FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->length);
     Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
     std::string& text = static_cast<Words*>(data)->text;
+    static_cast<Words*>(data)->cdr.assign(reinterpret_cast<char*>(payload->data), payload->length);
     try {
       cdr.read_encapsulation();
       text = read_(cdr);

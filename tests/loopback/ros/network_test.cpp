@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where DDS of a node listens.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <net/if.h>
 #include <sys/socket.h>
@@ -40,6 +41,25 @@ TEST(RosNetwork, RefusesWhatIsNoAddressAndNoDomain) {
         << interface;
     EXPECT_THROW(static_cast<void>(configuration_of({.peers = {interface}})), SetupError);
   }
+}
+
+/// Empty: it is accepted.
+std::string refusal_of(const Network& network) {
+  try {
+    static_cast<void>(configuration_of(network));
+  } catch (const SetupError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(RosNetwork, RefusesAPeerThatItDoesNotReach) {
+  EXPECT_THAT(refusal_of({.peers = {"192.0.2.7"}}),
+              testing::HasSubstr("nothing leaves this machine"));
+  EXPECT_EQ(refusal_of({.peers = {"127.0.0.2"}}), "");
+  EXPECT_THAT(refusal_of({.interface = "192.0.2.1", .peers = {"no.such.machine.invalid"}}),
+              testing::HasSubstr("no machine of that name"));
+  EXPECT_EQ(refusal_of({.interface = "192.0.2.1", .peers = {"192.0.2.7"}}), "");
 }
 
 }  // namespace

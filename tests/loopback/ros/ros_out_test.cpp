@@ -98,6 +98,15 @@ TEST_F(RosOut, AnotherVendorHearsPoseAndForce) {
   stop();
 }
 
+TEST_F(RosOut, NamesTheTopicsOfEachSideAndSaysThatNothingIsHeard) {
+  test::Program alone(
+      "palpate_ros",
+      {"--session", test::source_dir() + "/deploy/sessions/two_hands.txtpb", "--domain", domain_});
+  EXPECT_FALSE(alone.await_err("out=palpate/left/measured_cp,palpate/right/measured_cp").empty())
+      << alone.err();
+  EXPECT_FALSE(alone.await_err("event=nothing_heard").empty()) << alone.err();
+}
+
 /// What the peer has read last of a topic.
 std::string last_line(const std::string& topic, const std::string& out) {
   std::string last;

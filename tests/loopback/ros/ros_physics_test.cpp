@@ -167,7 +167,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Fault{"repeat", false, "or not later than that of the last one"},
                     Fault{"nan", false, "a component is missing, NaN or infinite"},
                     Fault{"huge", false, "it is above --max-force; is it in newton?"},
-                    Fault{"late", true, ""},
+                    Fault{"late", true, ""}, Fault{"too_late", false, ""}, Fault{"lose", true, ""},
                     Fault{"reorder", true, "or not later than that of the last one"}),
     [](const auto& fault) { return std::string(fault.param.name); });
 
