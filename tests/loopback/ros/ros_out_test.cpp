@@ -102,7 +102,8 @@ TEST_F(RosOut, NamesTheTopicsOfEachSideAndSaysThatNothingIsHeard) {
   test::Program alone(
       "palpate_ros",
       {"--session", test::source_dir() + "/deploy/sessions/two_hands.txtpb", "--domain", domain_});
-  EXPECT_FALSE(alone.await_err("out=palpate/left/measured_cp,palpate/right/measured_cp").empty())
+  EXPECT_EQ(alone.await_err("event=ros domain=" + domain_ + " interface=127.0.0.1 out="),
+            "palpate/left/measured_cp,palpate/right/measured_cp")
       << alone.err();
   EXPECT_FALSE(alone.await_err("event=nothing_heard").empty()) << alone.err();
 }
