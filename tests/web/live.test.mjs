@@ -1,107 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // live.test.mjs: the page over the real programs, on loopback ports, in the sessions that are shipped.
-// $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
-import { once } from "node:events";
-import { existsSync, mkdtempSync, rmSync } from "node:fs";
-import { createServer } from "node:net";
-import { tmpdir } from "node:os";
-import { join } from "node:path";
-import { fileURLToPath } from "node:url";
 import { after, afterEach, before, test } from "node:test";
 import { at_most, drawn, hold_when, kSkipScreenshots, late_pages, launch, open, picture, scene_signature, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
-import { patience, QuietMachine } from "./support/machine.mjs";
-
-const root = fileURLToPath(new URL("../..", import.meta.url));
-const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
-const kNodes = ["device", "mofc", "physics", "viewer"];
-const kLimit = {
-  timeout: patience(120000),
-  skip: existsSync(join(bin, "viewer_node")) ? false : `no programs in ${bin}: set PALPATE_BIN`,
-};
-
-async function free_port() {
-  const server = createServer().listen(0, "127.0.0.1");
-  await once(server, "listening");
-  const { port } = server.address();
-  server.close();
-  await once(server, "close");
-  return port;
-}
-
-/** The programs of a session, each its own process; what they say is shown when a test fails. */
-class Nodes {
-  static async start(settings = [], session = "default", sides = [""]) {
-    const nodes = await Nodes.none(settings, session);
-    for (const name of kNodes) {
-      for (const side of ["device", "mofc"].includes(name) ? sides : [""]) nodes.run(name, side);
-    }
-    await nodes.serves();
-    return nodes;
-  }
-
-  /** A lockstep run of the session, recorded and replayed for one viewer. */
-  static async replay(session, seconds) {
-    const nodes = await Nodes.none([], session);
-    const file = join(nodes.folder, `${session}.mcap`);
-    await once(nodes.spawn("palpate", ["loopback", nodes.session, "-q", "--seconds", String(seconds), "--set", "hand.pointer={}", "--record", file], "loopback"), "exit");
-    nodes.spawn("palpate", ["replay", file, "--no-viewer"], "replay");
-    nodes.run("viewer");
-    await nodes.serves();
-    return nodes;
-  }
-
-  static async none(settings, session) {
-    const nodes = new Nodes();
-    nodes.folder = mkdtempSync(join(tmpdir(), "palpate-web-"));
-    nodes.port = await free_port();
-    nodes.url = `http://127.0.0.1:${nodes.port}/`;
-    nodes.settings = [`viewer.web.port=${nodes.port}`, "hand.pointer={}", ...settings];
-    nodes.session = join(root, `deploy/sessions/${session}.txtpb`);
-    nodes.processes = {};
-    nodes.output = "";
-    return nodes;
-  }
-
-  run(name, side = "", settings = [], key = side + name) {
-    this.spawn(`${name}_node`,
-      ["--session", this.session, ...(side ? ["--side", side] : []), ...[...this.settings, ...settings].flatMap((one) => ["--set", one])], key);
-  }
-
-  spawn(program, args, key) {
-    const child = spawn(join(bin, program), args,
-      { env: { ...process.env, PALPATE_RUN_DIR: this.folder }, stdio: ["ignore", "pipe", "pipe"], cwd: this.folder });
-    for (const stream of [child.stdout, child.stderr]) stream.on("data", (text) => { this.output += text; });
-    this.processes[key] = child;
-    return child;
-  }
-
-  async kill(name) {
-    const child = this.processes[name];
-    child.kill("SIGKILL");
-    if (child.exitCode === null && child.signalCode === null) await once(child, "exit");
-  }
-
-  async serves() {
-    const end = performance.now() + patience(15000);
-    for (;;) {
-      try {
-        if ((await fetch(`${this.url}healthz`)).ok) return;
-      } catch { /* not yet */ }
-      assert.ok(performance.now() < end, `nobody serves ${this.url}:\n${this.output}`);
-      await new Promise((resolve) => setTimeout(resolve, 50));
-    }
-  }
-
-  async stop() {
-    for (const child of Object.values(this.processes)) child.kill("SIGTERM");
-    for (const child of Object.values(this.processes)) {
-      if (child.exitCode === null && child.signalCode === null) await once(child, "exit");
-    }
-    rmSync(this.folder, { recursive: true });
-  }
-}
+import { QuietMachine } from "./support/machine.mjs";
+import { kLimit, Nodes } from "./support/nodes.mjs";
 
 const kSmall = { width: 480, height: 360 }; // several pages share a processor that draws them all
 let browser;

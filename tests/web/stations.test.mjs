@@ -8,7 +8,7 @@ import { createServer } from "node:http";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { after, before, test } from "node:test";
-import { launch, open, violations } from "./support/browser.mjs";
+import { kSkipScreenshots, launch, open, screenshot, violations } from "./support/browser.mjs";
 import { patience } from "./support/machine.mjs";
 
 const bin = process.env.PALPATE_BIN ?? fileURLToPath(new URL("../../build/release/bin", import.meta.url));
@@ -68,5 +68,25 @@ test("a teacher's page tells of each station, and follows it", kLimit, async () 
     anna.server.close();
     ben.server.close();
     carl.server.close();
+  }
+});
+
+test("screenshot of a teacher's page", { ...kLimit, skip: kLimit.skip || kSkipScreenshots }, async () => {
+  const stations = {
+    anna: await station({ phase: "running", elapsed_s: 72, marks: 1, findings: [] }),
+    ben: await station({ phase: "ended", elapsed_s: 61.4, marks: 2, findings: ["Found 1 of 1."], score: { coverage_ratio: 0.934, missing_ratio: 0, force: { most_n: 2.125 } } }),
+    carl: await station({ phase: "ended", elapsed_s: 180, marks: 0, findings: ["Found 0 of 1."], score: { coverage_ratio: 0.418, missing_ratio: 0, force: { most_n: 0.62 } } }),
+    dora: await station({ phase: "waiting", elapsed_s: 0, marks: 0, findings: [] }),
+  };
+  const program = spawn(join(bin, "palpate"), ["stations", "--web-port", "0", ...Object.entries(stations).map(([name, { url }]) => `${name}=${url}`), "eva=http://127.0.0.1:1/"], { stdio: ["ignore", "pipe", "inherit"] });
+  try {
+    program.stdout.setEncoding("utf8");
+    const [first] = await once(program.stdout, "data");
+    const page = await open(browser, first.split("\n")[0], { width: 900, height: 320, scale: 1, wait: false });
+    await page.locator("#stations tr").nth(4).waitFor();
+    await screenshot(page, "stations");
+  } finally {
+    program.kill("SIGTERM");
+    for (const { server } of Object.values(stations)) server.close();
   }
 });
