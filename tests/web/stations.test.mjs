@@ -82,7 +82,7 @@ test("screenshot of a teacher's page", { ...kLimit, skip: kLimit.skip || kSkipSc
   try {
     program.stdout.setEncoding("utf8");
     const [first] = await once(program.stdout, "data");
-    const page = await open(browser, first.split("\n")[0], { width: 900, height: 320, scale: 1, wait: false });
+    const page = await open(browser, first.split("\n")[0], { width: 960, height: 340, scale: 1, wait: false });
     await page.locator("#stations tr").nth(4).waitFor();
     await screenshot(page, "stations");
   } finally {

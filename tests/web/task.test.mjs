@@ -357,7 +357,7 @@ test("a viewer_node and a recorder that are killed during a task lose no more th
 const kSkip = kLimit.skip || kSkipScreenshots;
 test("screenshots of a task", { ...kWhole, skip: kSkip }, async () => {
   nodes = await Nodes.start(kByPerson, kSession);
-  const page = await open(browser, nodes.url, { scale: 1, width: 960, height: 640, max_hz: 5 });
+  const page = await open(browser, nodes.url, { scale: 1, width: 1024, height: 680, max_hz: 5 });
   await page.locator("#task .map-key", { hasText: "search here" }).waitFor();
   await page.waitForTimeout(400);
   await screenshot(page, "task_briefing");
@@ -372,9 +372,10 @@ test("screenshots of a task", { ...kWhole, skip: kSkip }, async () => {
   await region(page).filter({ hasText: "1 find marked" }).waitFor();
   const phone = await open(browser, nodes.url, { scale: 1, dark: true, max_hz: 5, ...kPhone });
   await hand.begin();
-  await hand.press({ x: -0.008, y: -0.004 }, 1.5);
+  await hand.press({ x: -0.008, y: -0.004 }, kPress_newton);
   for (const [one, name] of [[page, "task_running"], [phone, "task_phone"]]) {
-    await until(one, (t) => t.applied_newton > 1.4, "the press");
+    await one.locator("#task[data-phase=running]").waitFor();
+    await until(one, (t) => t.applied_newton >= kPress_newton, "the press");
     await one.waitForTimeout(400);
     await screenshot(one, name);
   }
