@@ -287,10 +287,7 @@ export class SceneView {
       this.map.geometry = new BufferGeometry();
       this.map.geometry.setAttribute("position", new BufferAttribute(map.places, 3));
       this.map.geometry.setAttribute("color", new BufferAttribute(colours, 3));
-      // while it is searched the tip and what gives way under it must be seen
-      this.map.material.size = (is_area ? 0.008 : 0.018) * this.radius_m;
-      this.map.material.opacity = is_area ? 0.35 : 1;
-      this.map.material.depthWrite = !is_area;
+      this.map.material.size = (is_area ? 0.008 : 0.018) * this.radius_m; // under the tip it must be seen what gives way
     }
     this.is_changed = true;
   }
@@ -570,7 +567,7 @@ function goal_material(): MeshBasicMaterial {
 
 /** Points that lie on surfaces are drawn before them. */
 function map_material(): PointsMaterial {
-  const made = new PointsMaterial({ vertexColors: true, fog: false, transparent: true });
+  const made = new PointsMaterial({ vertexColors: true, fog: false });
   made.onBeforeCompile = (shader) => {
     shader.vertexShader = shader.vertexShader.replace("#include <fog_vertex>", "gl_Position.z -= 0.002 * gl_Position.w;\n#include <fog_vertex>");
   };
