@@ -23,7 +23,7 @@ command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" || "${1:-}" == "--load" ]]; then
   packages+=(calculix-ccx chromium clang-format clang-tidy cvc5 cyclonedds-dev cyclonedds-tools doxygen fonts-liberation gnuplot-nox iproute2
     libbullet-dev libdcmtk-dev libfastcdr-dev libfastrtps-dev libgmock-dev libgtest-dev libmujoco-dev libnanoflann-dev libopenigtlink-dev
-    mricron-data munge nginx python3-clang python3-nibabel python3-numpy python3-pip python3-protobuf python3-zmq
+    mricron-data munge nginx python3-clang python3-h5py python3-nibabel python3-numpy python3-pip python3-protobuf python3-zmq
     slurm-wlm teem-apps z3)
 fi
 if [[ "${1:-}" == "--load" ]]; then packages+=(stress-ng); fi
