@@ -247,6 +247,66 @@ class Tissue(unittest.TestCase):
         chance = find_lump.rollout(env, find_lump.random_policy, 20)
         self.assertEqual(chance["observation"].shape, (20, 3, 6))
 
+    def test_the_environment_has_the_interface_of_gymnasium(self) -> None:
+        sys.path.insert(0, str(EXAMPLES))
+        import find_lump
+
+        env = find_lump.FindLump(pt.Scene.parse(FLOOR), 2, steps=3)
+        self.assertEqual(getattr(env.metadata["autoreset_mode"], "value", env.metadata["autoreset_mode"]), "NextStep")
+        for space, shape in ((env.single_observation_space, (6,)), (env.observation_space, (2, 6)),
+                             (env.single_action_space, (4,)), (env.action_space, (2, 4))):
+            self.assertEqual((space.shape, space.low.shape, np.dtype(space.dtype)), (shape, shape, np.dtype("f8")))
+        np.testing.assert_array_equal(env.single_action_space.high, [0.004, 0.004, 0.004, 1.0])
+        # where there is Gymnasium, they are its own
+        gymnasium = {name: mock.MagicMock() for name in ("gymnasium", "gymnasium.spaces", "gymnasium.vector")}
+        with mock.patch.dict(sys.modules, gymnasium):
+            its = find_lump.FindLump(env.batch.scene, 2)
+        self.assertIs(its.action_space, gymnasium["gymnasium.spaces"].Box.return_value)
+        self.assertIs(its.metadata["autoreset_mode"], gymnasium["gymnasium.vector"].AutoresetMode.NEXT_STEP)
+
+        first, info = env.reset(seed=5, options=None)
+        self.assertEqual((first.shape, info), ((2, 6), {}))
+        with self.assertRaisesRegex(ValueError, "options: reset_mask; there are none"):
+            env.reset(options={"reset_mask": [True, False]})
+
+        # copy 0 answers at once; its next action does nothing
+        still, answer = [0.0, 0.0, -0.002, 0.0], [0.001, 0.0, 0.0, 1.0]
+        last, reward, terminated, truncated, info = env.step(np.array([answer, still]))
+        self.assertEqual((terminated.tolist(), truncated.any(), info["is_reset"].any()), ([True, False], False, False))
+        np.testing.assert_allclose(last[0, :3] - first[0, :3], answer[:3], atol=1e-12)
+        self.assertAlmostEqual(reward[0], -info["away"][0] - 0.001)
+        begun, reward, terminated, truncated, info = env.step(np.array([answer, still]))
+        self.assertEqual((terminated.any(), truncated.any(), info["is_reset"].tolist()), (False, False, [True, False]))
+        self.assertEqual(reward.tolist(), [0.0, -0.001])
+        self.assertEqual(env.batch.position[0, 0, 2], env.top)
+        np.testing.assert_allclose(begun[0], [0.0, 0.0, env.top, 0.0, 0.0, 0.0], atol=1e-12)
+        np.testing.assert_allclose(last[1, :3] + still[:3], begun[1, :3], atol=1e-12)
+        # copy 1 has had its three steps, copy 0 one of its new episode
+        _, _, terminated, truncated, _ = env.step(np.array([still, still]))
+        self.assertEqual((terminated.any(), truncated.tolist(), env.step_count.tolist()), (False, [False, True], [1, 3]))
+        env.step(np.array([still, still]))
+        self.assertEqual((env.step_count.tolist(), env.batch.position[1, 0, 2]), ([2, 0], env.top))
+        env.close()
+
+    def test_the_example_has_help_and_reports_each_episode(self) -> None:
+        def run(*arguments: str) -> subprocess.CompletedProcess:
+            return subprocess.run([sys.executable, EXAMPLES / "find_lump.py", *arguments], capture_output=True, text=True)
+
+        ran = run("--help")
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        self.assertRegex(ran.stdout, r"usage: find_lump.py .*\n(.*\n)*.*--rows FILE.hdf5")
+        ran = run("--steps", "30", "--copies", "1")
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        lines = ran.stdout.splitlines()
+        self.assertEqual(lines[0], "small block: 30 steps of 1 copies with each policy")
+        self.assertRegex("\n".join(lines), r"random: step \d+ of 30, copy 0: answer [0-9.]+ mm away after \d+ steps\n")
+        self.assertEqual(lines[-1], "scripted: 0 answers")
+        for arguments, words in ((["nowhere.txtpb"], "nowhere.txtpb"), (["--copies", "0"], "give at least 1"),
+                                 (["--copies", "two"], "invalid int")):
+            ran = run(*arguments)
+            self.assertEqual(ran.returncode, 2)
+            self.assertIn(words, ran.stderr)
+
     def test_rows_are_written_as_mcap(self) -> None:
         rng = np.random.default_rng(2)
         rows = {"force": rng.normal(size=(50, 2, 3)), "depth": rng.normal(size=50).astype(np.float32),
