@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""palpate_tissue as pip installs it: the user's script, arrays without a copy, errors, MCAP, the examples."""
+"""palpate_tissue as pip installs it: the user's script, arrays without a copy, many scenes, errors, MCAP, the
+examples."""
 
 from __future__ import annotations
 
@@ -346,6 +347,34 @@ class Tissue(unittest.TestCase):
                 with self.assertRaisesRegex(ValueError, words):
                     pt.rows.write_mcap(file, rows, times)
                 self.assertEqual(list(Path(folder).iterdir()), [])
+
+    def forces_of(self, scene, positions: np.ndarray, parts: int) -> bytes:
+        """Of a batch whose tools go to positions (steps, copies, 3), in parts of 1 ms."""
+        batch, forces = pt.Batch(scene, copies=positions.shape[1]), []
+        for position in positions:
+            batch.position[:, 0] = position
+            batch.step(1e-3 * parts, parts)
+            forces.append(batch.force[:, 0].copy())
+        return np.stack(forces, axis=1).tobytes()  # copy by copy
+
+    def test_many_scenes_are_each_that_of_a_run_of_its_own_to_the_bit(self) -> None:
+        rng = np.random.default_rng(4)
+        rigid = np.empty((10, 1000, 3))
+        rigid[..., :2] = rng.uniform(-0.03, 0.03, rigid[..., :2].shape)
+        rigid[..., 2] = rng.uniform(-0.002, 0.004, rigid.shape[:2])
+        # more than 64, which keep less of each and make it again
+        elastic = np.empty((3, 70, 3))
+        elastic[..., :2] = rng.uniform(-0.01, 0.01, (1, 70, 2))
+        elastic[..., 2] = 0.006 - np.outer([0.5e-3, 1e-3, 1.5e-3], rng.uniform(0.5, 1.0, 70))
+        for name, load, positions, parts in (
+                ("rigid", lambda: pt.Scene.load(SESSIONS / "default.txtpb"), rigid, 1),
+                ("elastic", lambda: pt.Scene.parse(LUMP, SESSIONS), elastic, 20)):
+            together, alone = self.forces_of(load(), positions, parts), load()
+            size = len(together) // positions.shape[1]
+            self.assertTrue(np.frombuffer(together).any(), "nothing is touched")
+            for i in range(positions.shape[1]):
+                self.assertEqual(self.forces_of(alone, positions[:, i:i + 1], parts), together[i * size:(i + 1) * size],
+                                 f"{name}: scene {i}")
 
 
 if __name__ == "__main__":
