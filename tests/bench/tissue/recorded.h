@@ -19,11 +19,11 @@ inline constexpr const char* kRecordedFrom =
     "2026-06-30 on an A100; XPBD 32 x 10, VBD 10 x 50, semi-implicit 32 substeps (x iterations) a "
     "frame, settled";
 
-/// Why there is no row of it.
+/// Why there is no row of it here.
 inline constexpr const char* kNoMujoco =
-    "MuJoCo 2.2.2 (Debian's): not run. It has no flex, which came with 3.0, and its composite "
-    "bodies are "
-    "geoms held by joints, tendons and equality constraints, without a Young's modulus to be set";
+    "MuJoCo: not run here. Debian's 2.2.2 has no flex, which came with 3.0; the figures of 3.3.8 "
+    "and "
+    "3.14.0 in docs/tissue.md are those of tests/bench/tissue/mujoco/mujoco_flex.mjs";
 
 /// Of the sag and of the press, in mm and N. Of the press Newton's forces are not published: in VBD
 /// and in the semi-implicit solver the sphere sinks in by 34 and 33 of the 40 mm.
