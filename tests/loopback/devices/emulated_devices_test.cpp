@@ -248,8 +248,9 @@ TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
   EXPECT_THAT(doctor.out, HasSubstr("Haply Inverse3 049D opens"));
   EXPECT_THAT(doctor.out, HasSubstr("has 3 buttons, counted from 0"));
   EXPECT_THAT(doctor.out, HasSubstr("SIGUSR2 to device_node, or a press of button 3"));
-  EXPECT_THAT(doctor.out,
-              HasSubstr("note   motor watchdog           none: forces stay within the dry friction"));
+  EXPECT_THAT(
+      doctor.out,
+      HasSubstr("note   motor watchdog           none: forces stay within the dry friction"));
   const Outcome without = test::run_program("palpate", {"doctor", kHaplySession, "--set", setting,
                                                         "--set", "device.hands_off_check=true"});
   EXPECT_THAT(without.out, HasSubstr("each fault: SIGUSR2 to device_node"));
