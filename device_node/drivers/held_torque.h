@@ -27,9 +27,8 @@ double held_force_ratio(const Vector3& workspace_half_extent_m, const JacobianAt
   std::vector<Matrix3> commanded;    // J_pᵀ
   std::vector<Matrix3> elsewhere;    // J_q⁻ᵀ
   for (int i = 0; i < kPlaces * kPlaces * kPlaces; ++i) {
-    const Vector3 share = Vector3(i % kPlaces, i / kPlaces % kPlaces, i / (kPlaces * kPlaces)) /
-                              (0.5 * (kPlaces - 1)) -
-                          Vector3::Ones();
+    const Eigen::Vector3i place(i % kPlaces, i / kPlaces % kPlaces, i / (kPlaces * kPlaces));
+    const Vector3 share = place.cast<double>() / (0.5 * (kPlaces - 1)) - Vector3::Ones();
     const std::optional<Matrix3> jacobian =
         jacobian_at(Vector3(share.cwiseProduct(workspace_half_extent_m)));
     if (!jacobian) return std::numeric_limits<double>::infinity();

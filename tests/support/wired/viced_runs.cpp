@@ -41,8 +41,6 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
         wakeful_(clock),
         hardware_(parts.simulated, parts.hand, wakeful_, parts.seed),
         random_(parts.seed + 2),
-        drops_per_message_(parts.run.drops_per_message),
-        failed_releases_(parts.run.failed_releases),
         turning_per_m_(parts.run.turning_per_m),
         count_newton_(parts.run.count_newton) {
     hardware_.set(parts.run.vices);
@@ -64,6 +62,11 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
     set_calibrated();
   }
 
+  /// Messages get lost from now on.
+  void lose(const VicedRun& run) {
+    drops_per_message_ = run.drops_per_message;
+    failed_releases_ = run.failed_releases;
+  }
   /// The dead-man button, or the grip that has it.
   void hold(bool is_held) { is_held_ = is_held; }
   /// The machine sleeps, the hardware does not.
@@ -125,8 +128,8 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
   WakefulClock wakeful_;
   device::Hardware hardware_;
   Random random_;
-  const double drops_per_message_;
-  const double failed_releases_;
+  double drops_per_message_ = 0.0;
+  double failed_releases_ = 0.0;
   const double turning_per_m_;
   const double count_newton_;
   bool is_held_ = true;
@@ -161,6 +164,7 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
                           .v_max_m_per_s = random.uniform(0.05, 0.3)};
   DeviceNodeBench<VicedArm<books>> bench(
       config, ArmParts{.run = run, .simulated = simulated, .hand = hand, .seed = seed});
+  bench.device.lose(run);
   bench.reply_delay = from_seconds(random.uniform(0.0, 5e-4));
   bench.node.acknowledge();
   bench.node.acknowledge();
