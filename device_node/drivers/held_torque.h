@@ -45,6 +45,15 @@ double held_force_ratio(const Vector3& workspace_half_extent_m, const JacobianAt
   return kBetween * most;
 }
 
+/// The same of a driver whose settings say where its arm is mounted.
+/// @param jacobian_at  as above, of a place in the frame of the arm
+template <class Config, class JacobianAt>
+double held_force_ratio_of(const Config& config, const JacobianAt& jacobian_at) {
+  return held_force_ratio(config.workspace_half_extent_m, [&](const Vector3& position_m) {
+    return jacobian_at(Vector3(config.rotation.conjugate() * position_m + config.origin_m));
+  });
+}
+
 /// The work of torques τ over joint angles is τ·Δθ, exactly; the energy is counted with F·Δx, F as
 /// it was reported. The difference goes into DeviceSample::turning_joule.
 class HeldTorque {

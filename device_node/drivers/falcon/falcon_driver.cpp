@@ -24,14 +24,9 @@ constexpr int kLoadAttempts = 3;  // loading is known to fail now and then
 constexpr int kQuestionsAfterLoading = 100;
 constexpr const char* kHoming = "pull the Falcon's grip out and push it in again to home it";
 
-double falcon_held_force_ratio(const FalconConfig& config) {
-  return held_force_ratio(
-      config.workspace_half_extent_m, [&](const Vector3& position_m) -> std::optional<Matrix3> {
-        const Vector3 grip_m = config.rotation.conjugate() * position_m + config.origin_m;
-        const std::optional<Vector3> angles_rad = FalconDelta::angles_rad(grip_m);
-        if (!angles_rad) return {};
-        return FalconDelta::jacobian(grip_m, *angles_rad);
-      });
+std::optional<Matrix3> falcon_jacobian(const Vector3& grip_m) {
+  const std::optional<Vector3> angles_rad = FalconDelta::angles_rad(grip_m);
+  return angles_rad ? FalconDelta::jacobian(grip_m, *angles_rad) : std::nullopt;
 }
 
 class FalconDevice final : public WireDevice {
@@ -42,7 +37,7 @@ class FalconDevice final : public WireDevice {
     DeviceSpecification specification = specified("Novint Falcon", config);
     specification.button_count = 4;
     specification.calibration = kHoming;
-    specification.held_force_ratio = falcon_held_force_ratio(config);
+    specification.held_force_ratio = held_force_ratio_of(config, falcon_jacobian);
     set_specification(std::move(specification));
     if (!config.firmware_file.empty()) image_ = read_falcon_image(config.firmware_file);
     connect_within(start_up, "the Falcon");

@@ -16,20 +16,14 @@ namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
-double hapi_held_force_ratio(const HapiConfig& config) {
-  const Pantograph links(pantograph_geometry(config));
-  return held_force_ratio(
-      config.workspace_half_extent_m, [&](const Vector3& position_m) -> std::optional<Matrix3> {
-        const Vector3 handle_m = config.rotation.conjugate() * position_m + config.origin_m;
-        const std::optional<Vector2> angles_rad = links.angles_rad(handle_m.head<2>());
-        const std::optional<Matrix2> of_plane =
-            angles_rad ? links.jacobian(*angles_rad) : std::optional<Matrix2>();
-        if (!of_plane) return {};
-        // the axis across the plane has no motor
-        Matrix3 jacobian = Matrix3::Identity();
-        jacobian.topLeftCorner<2, 2>() = *of_plane;
-        return jacobian;
-      });
+/// The axis across the plane has no motor.
+std::optional<Matrix3> hapi_jacobian(const Pantograph& links, const Vector3& handle_m) {
+  const std::optional<Vector2> angles_rad = links.angles_rad(handle_m.head<2>());
+  const std::optional<Matrix2> of_plane = angles_rad ? links.jacobian(*angles_rad) : std::nullopt;
+  if (!of_plane) return {};
+  Matrix3 jacobian = Matrix3::Identity();
+  jacobian.topLeftCorner<2, 2>() = *of_plane;
+  return jacobian;
 }
 
 class HapiDevice final : public WireDevice {
@@ -50,7 +44,8 @@ class HapiDevice final : public WireDevice {
         config.encoder_offsets_deg[0], config.encoder_offsets_deg[1]);
     specification.calibration = text.data();
     specification.answers_uncalibrated = false;
-    specification.held_force_ratio = hapi_held_force_ratio(config);
+    specification.held_force_ratio = held_force_ratio_of(
+        config, [this](const Vector3& handle_m) { return hapi_jacobian(links_, handle_m); });
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
   }

@@ -61,16 +61,6 @@ UsbIds hid_ids(const PacketPort& port, const std::string& path) {
           .product = static_cast<std::uint16_t>(info.product)};
 }
 
-double wooden_held_force_ratio(const WoodenConfig& config, const WoodenArm& arm) {
-  return held_force_ratio(
-      config.workspace_half_extent_m, [&](const Vector3& position_m) -> std::optional<Matrix3> {
-        const std::optional<Vector3> angles_rad =
-            arm.angles_rad(config.rotation.conjugate() * position_m + config.origin_m);
-        if (!angles_rad) return {};
-        return arm.jacobian(*angles_rad);
-      });
-}
-
 class WoodenDevice final : public WireDevice {
  public:
   WoodenDevice(const WoodenConfig& config, const Clock& clock, const StartUp& start_up)
@@ -79,7 +69,10 @@ class WoodenDevice final : public WireDevice {
     DeviceSpecification specification = specified("WoodenHaptics", config);
     specification.button_count = 1;
     specification.calibration = kCalibration;
-    specification.held_force_ratio = wooden_held_force_ratio(config, drive_.arm);
+    specification.held_force_ratio = held_force_ratio_of(config, [this](const Vector3& handle_m) {
+      const std::optional<Vector3> angles_rad = drive_.arm.angles_rad(handle_m);
+      return angles_rad ? drive_.arm.jacobian(*angles_rad) : std::nullopt;
+    });
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
     if (config.is_calibrated) return;  // calibrate() looks whether it is
