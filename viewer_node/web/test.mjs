@@ -15,7 +15,9 @@ try {
     bundle: true, platform: "node", format: "esm", target: "node18", outdir: out, outExtension: { ".js": ".mjs" },
     nodePaths: [fileURLToPath(new URL("node_modules", import.meta.url))], logLevel: "warning",
   });
-  process.exitCode = spawnSync(process.execPath, ["--test", ...readdirSync(out).map((file) => join(out, file))], { stdio: "inherit" }).status ?? 1;
+  process.exitCode = spawnSync(process.execPath, ["--test", ...readdirSync(out).map((file) => join(out, file))], {
+    stdio: "inherit", env: { ...process.env, PALPATE_WEB_SOURCE: fileURLToPath(new URL("src", import.meta.url)) },
+  }).status ?? 1;
 } finally {
   rmSync(out, { recursive: true });
 }

@@ -34,6 +34,8 @@ const kWordsPeriod_s = 1 / 8;
 const kTimelinePeriod_s = 1;
 const kStatusShown_s = 6;
 const kMarkerShown_s = 2;
+const kTurning_s = 0.5;
+const kSoftwarePause_ms = 50;
 const kMostEarly = 256; // frames
 const kServerSilence_s = 1.5; // /health comes five times a second
 
@@ -399,7 +401,9 @@ function dress(): void {
   view.set_theme({
     background: of("--scene"), grid: of("--grid"), ink: of("--ink"), tool: of("--tool"),
     requested: of("--requested"), applied: of("--applied"), target: of("--accent"),
+    searched: of("--searched"), missed: of("--missed"), area: of("--area"),
   });
+  show_map();
   for (const plot of plots.all) plot.build(palette);
   plots_due_s = 0;
 }
@@ -443,7 +447,9 @@ document.addEventListener("keydown", (event) => {
 
 // ---- the picture
 
+let turned_s = -Infinity;
 view.on_camera = () => {
+  turned_s = seconds();
   are_labels_due = true;
   measure.write(view);
 };
@@ -473,9 +479,15 @@ let words_due_s = 0;
 let timeline_due_s = 0;
 let frame_s = 1 / 60; // between pictures, smoothed
 let picture_s = seconds();
+/** Without a GPU only who turns the view or leads the hand gets every picture of the display: the
+ *  processor may have a device to serve. */
+function await_picture(now_s: number): void {
+  if (view.has_gpu || hand.is_touching || now_s - turned_s < kTurning_s) requestAnimationFrame(picture);
+  else setTimeout(() => requestAnimationFrame(picture), kSoftwarePause_ms);
+}
 function picture(): void {
-  requestAnimationFrame(picture);
   const now_s = seconds();
+  await_picture(now_s);
   frame_s += 0.1 * (Math.min(now_s - picture_s, 1) - frame_s);
   picture_s = now_s;
   if (!is_paused) set_tools();

@@ -21,9 +21,6 @@ const kSoftwareTriangles = 40000; // of a tissue, drawn on the processor
 const kClear = 0.66; // opacity of outer tissue in front of inner tissue and of the tool
 
 const kBall = new SphereGeometry(1, 16, 12);
-/** Of places that were not searched, and of those that were: apart for every kind of sight. */
-const kMapColours = [new Color("#d95f02"), new Color("#3a86c8")];
-const kAreaColour = new Color("#5a5a66");
 
 interface Drawn {
   surface: Surface;
@@ -111,6 +108,10 @@ export class SceneView {
     this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether, this.reach, this.others, this.goal, this.map, this.lesions);
   }
 
+  get has_gpu(): boolean {
+    return this.renderer?.shadowMap.enabled ?? false;
+  }
+
   /** Replaces the scene; keeps the camera if the user has moved it. */
   set_surfaces(surfaces: Surface[], tool_size: ToolSize, peak_force_newton: number): void {
     for (const { object, geometry, material } of this.drawn) {
@@ -118,7 +119,7 @@ export class SceneView {
       geometry.dispose();
       material.dispose();
     }
-    this.drawn = surfaces.map((surface, index) => draw(surface, index, this.renderer?.shadowMap.enabled ? Infinity : kSoftwareTriangles));
+    this.drawn = surfaces.map((surface, index) => draw(surface, index, this.has_gpu ? Infinity : kSoftwareTriangles));
     this.bounds.makeEmpty();
     const boxes = this.drawn.map(({ geometry }) => geometry.boundingBox!);
     this.drawn.forEach((one, index) => {
@@ -267,6 +268,8 @@ export class SceneView {
   /** What of the surface is to be searched or, with is_searched, was, as points on it, and the lesions as balls; null
       hides them. */
   set_map(map: { places: Float32Array; is_searched: Uint8Array; lesions: Lesion[] } | null): void {
+    const { theme } = this;
+    if (!theme) return; // it comes first
     this.map.visible = map !== null && map.places.length > 0;
     for (const ball of this.lesions.children as Mesh<SphereGeometry, MeshBasicMaterial>[]) ball.material.dispose();
     this.lesions.clear();
@@ -274,7 +277,7 @@ export class SceneView {
       const ball = new Mesh(kBall, goal_material()); // in tissue: seen through it
       ball.material.wireframe = !isFound; // filled: told apart without colour
       ball.material.opacity = isFound ? 0.6 : 0.9;
-      ball.material.color.copy(kMapColours[isFound ? 1 : 0]);
+      ball.material.color.set(isFound ? theme.searched : theme.missed);
       ball.position.set(centerM.x, centerM.y, centerM.z);
       ball.scale.setScalar(radiusM);
       this.lesions.add(ball);
@@ -282,7 +285,8 @@ export class SceneView {
     if (map && this.map.visible) {
       const colours = new Float32Array(map.places.length);
       const is_area = map.is_searched.length === 0;
-      for (let i = 0; 3 * i < colours.length; i++) (is_area ? kAreaColour : kMapColours[map.is_searched[i] ? 1 : 0]).toArray(colours, 3 * i);
+      const [missed, searched] = [theme.missed, theme.searched].map((name) => new Color(name)), area = new Color(theme.area);
+      for (let i = 0; 3 * i < colours.length; i++) (is_area ? area : map.is_searched[i] ? searched : missed).toArray(colours, 3 * i);
       this.map.geometry.dispose();
       this.map.geometry = new BufferGeometry();
       this.map.geometry.setAttribute("position", new BufferAttribute(map.places, 3));
@@ -565,11 +569,14 @@ function goal_material(): MeshBasicMaterial {
   return new MeshBasicMaterial({ wireframe: true, transparent: true, depthTest: false, depthWrite: false });
 }
 
-/** Points that lie on surfaces are drawn before them. */
+/** Points that lie on surfaces are drawn before them, but not before the tool that touches them. */
 function map_material(): PointsMaterial {
   const made = new PointsMaterial({ vertexColors: true, fog: false });
   made.onBeforeCompile = (shader) => {
-    shader.vertexShader = shader.vertexShader.replace("#include <fog_vertex>", "gl_Position.z -= 0.002 * gl_Position.w;\n#include <fog_vertex>");
+    shader.vertexShader = shader.vertexShader.replace("#include <fog_vertex>", `
+      vec4 nearer = projectionMatrix * (mvPosition + vec4(0.0, 0.0, size, 0.0));
+      gl_Position.z = gl_Position.w * nearer.z / nearer.w;
+      #include <fog_vertex>`);
   };
   return made;
 }

@@ -26,6 +26,9 @@ export interface Theme {
   requested: string;
   applied: string;
   target: string;
+  searched: string;
+  missed: string;
+  area: string;
 }
 
 // The tip, the forces at it, and the line down to the tissue.

@@ -136,10 +136,11 @@ export class TaskPanel {
     if (lesions.includes(true)) keys.push(["found", "lesion, found"]);
     if (lesions.includes(false)) keys.push(["not-found", "lesion, not found"]);
     this.map_key.hidden = keys.length === 0;
-    this.map_key.replaceChildren(...keys.flatMap(([kind, words]) => {
-      const swatch = make("i", kind);
+    this.map_key.replaceChildren(...keys.map(([kind, words]) => {
+      const swatch = make("i", kind), key = make("span");
       swatch.setAttribute("aria-hidden", "true");
-      return [swatch, make("span", "", `${words} `)];
+      key.append(swatch, `${words} `);
+      return key;
     }));
   }
   /** Force over the time of the task. */
