@@ -237,12 +237,18 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                      device->specification().model_name,
                      no_watchdog_text(config.accepts_no_motor_watchdog));
     if (!config.accepts_no_motor_watchdog) {
-      context.log.info(
-          "event=force_limit newton={:.3g}: f_co, device.profile.coulomb_newton, divided by "
-          "{:.3g}: "
-          "the currents it holds can be so many times that force elsewhere in the workspace",
-          largest_force_newton(config, device->specification()),
-          device->specification().held_force_ratio);
+      const double newton = largest_force_newton(config, device->specification());
+      const double ratio = device->specification().held_force_ratio;
+      if (ratio > 1.0) {
+        context.log.info(
+            "event=force_limit newton={:.3g}: f_co, device.profile.coulomb_newton, divided by "
+            "{:.3g}: the currents it holds can be so many times that force elsewhere in the "
+            "workspace",
+            newton, ratio);
+      } else {
+        context.log.info("event=force_limit newton={:.3g}: f_co, device.profile.coulomb_newton",
+                         newton);
+      }
     }
   }
 

@@ -267,6 +267,32 @@ std::string deadband_table(const std::vector<json>& outputs) {
                   table);
 }
 
+// --- tasks ----------------------------------------------------------------------------------
+
+std::string task_motion_table(const std::vector<json>& outputs) {
+  std::vector<Cells> table;
+  for (const json& row : outputs.at(0).at("motions").at("rows")) {
+    table.push_back({text(row, "motion"), fixed(row, "path_mm", 0),
+                     fixed(row, "path_error_percent", 1), fixed(row, "path_error_fine_percent", 1),
+                     fixed(row, "smoothness", 1), fixed(row, "smoothness_seen", 1),
+                     fixed(row, "smoothness_fine", 1)});
+  }
+  return markdown({"motion", "path mm", "`path_m`, error %", "without encoder steps %",
+                   "smoothness", "`smoothness`", "without encoder steps"},
+                  table);
+}
+
+std::string staircase_table(const std::vector<json>& outputs) {
+  std::vector<Cells> table;
+  for (const json& row : outputs.at(0).at("staircases").at("rows")) {
+    table.push_back({fixed(row, "start", 1), fixed(row, "reversals", 0), fixed(row, "trials", 0),
+                     fixed(row, "too_high_percent", 0), fixed(row, "spread_percent", 0)});
+  }
+  return markdown({"start, of the threshold", "reversals", "trials", "threshold too high by %",
+                   "spread of one series %"},
+                  table);
+}
+
 // --- how true -------------------------------------------------------------------------------
 
 struct TruthRow {
@@ -528,6 +554,8 @@ std::vector<DocFigures> doc_figures() {
       {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
       {.name = "cases", .commands = {"velocity_bench --quick"}, .table = velocity_cases_table},
       {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},
+      {.name = "task_motion", .commands = {"task_bench"}, .table = task_motion_table},
+      {.name = "staircases", .commands = {"task_bench"}, .table = staircase_table},
   };
 }
 

@@ -43,9 +43,9 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
   viewer::TelemetryFeed feed(session, context.clock, links);
   const viewer::SideIndex side_of(session);
   viewer::HiddenLesions hidden(session);  // what a person searches for is told to nobody
-  bool is_heard = false;
+  bool may_tell_silence = true;  // nothing was heard yet, and nobody was told
   feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
-    is_heard = true;
+    may_tell_silence = false;
     if (const auto* device = std::get_if<DeviceBatch>(&message)) {
       if (const auto side = side_of.of(device->side)) sides[*side]->take(*device);
     } else if (const auto* mofc = std::get_if<MofcBatch>(&message)) {
@@ -68,8 +68,8 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
     scene.pump(sides);
     refused_peers.note(now);
     heap.note(now);
-    if (!is_heard && now >= silent_at) {
-      is_heard = true;  // said once
+    if (may_tell_silence && now >= silent_at) {
+      may_tell_silence = false;
       context.log.warn(
           "event=nothing_heard what=\"no node of this session has sent anything yet: does it run, "
           "from this file?\"");
