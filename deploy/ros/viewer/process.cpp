@@ -43,7 +43,7 @@ void run_ros_viewer(NodeContext& context, ProcessLinks& links, const RosViewerOp
   viewer::TelemetryFeed feed(session, context.clock, links);
   const viewer::SideIndex side_of(session);
   viewer::HiddenLesions hidden(session);  // what a person searches for is told to nobody
-  bool may_tell_silence = true;  // nothing was heard yet, and nobody was told
+  bool may_tell_silence = true;           // nothing was heard yet, and nobody was told
   feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
     may_tell_silence = false;
     if (const auto* device = std::get_if<DeviceBatch>(&message)) {
