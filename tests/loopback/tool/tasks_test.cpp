@@ -459,5 +459,35 @@ TEST_F(Tasks, ASeedGivesTheSameLesionsAndEachItsOwn) {
   }
 }
 
+// Lesions that no test chose: who presses with what is predicted to do finds them, who does not,
+// not; and where there is none, the firm hand marks nothing.
+TEST_F(Tasks, OfRandomLesionsAFirmHandFindsAllAndALightOneNone) {
+  const auto detection = [&](const std::string& newton, const std::string& lesions) {
+    const std::string folder = path(newton + "_" + lesions);
+    std::filesystem::create_directory(folder);
+    const Outcome made = palpate({"make-task", kLumpSearch, "-q", "-o", folder, "--seed", "21",
+                                  "--count", "2", "--lesions", lesions, "--search-newton", newton});
+    EXPECT_EQ(made.status, 0) << made.err;
+    std::vector<std::string> score{"score", "--json", "-"};
+    for (const char* seed : {"21", "22"}) {
+      const std::string run = folder + "/" + seed;
+      const Outcome outcome = palpate({"loopback", folder + "/lump_search_" + seed + ".txtpb", "-q",
+                                       "--no-ideal", "--record", run + ".mcap"});
+      EXPECT_EQ(outcome.status, 0) << outcome.err;
+      score.push_back(run + ".mcap");
+    }
+    return json::parse(palpate(score).out)["detection"];
+  };
+  const json firm = detection("2", "1");
+  EXPECT_EQ(firm["sensitivity"]["hits"], 2) << firm;
+  EXPECT_EQ(firm["sensitivity"]["cases"], 2) << firm;
+  EXPECT_EQ(firm["false_alarms"], 0) << firm;
+  const json light = detection("0.2", "1");
+  EXPECT_EQ(light["sensitivity"]["hits"], 0) << light;
+  EXPECT_EQ(light["sensitivity"]["cases"], 2) << light;
+  const json nothing = detection("2", "0");
+  EXPECT_EQ(nothing["specificity"]["hits"], 2) << nothing;
+}
+
 }  // namespace
 }  // namespace palpate
