@@ -1452,6 +1452,32 @@ page_test("with the user's own colours what is chosen can be seen", { page: { sc
   await page.emulateMedia({ forcedColors: null });
 });
 
+page_test("without a GPU pictures pause, but not while somebody turns the view", { page: { ...kSmall, max_hz: 60 } }, async (page) => {
+  await until(page, (t) => t.frames > 3, "pictures");
+  const seen = await page.evaluate(async () => {
+    const requested_ms = [], paused_ms = [];
+    const { requestAnimationFrame: request, setTimeout: wait } = window;
+    window.requestAnimationFrame = (draw) => { requested_ms.push(performance.now()); return request(draw); };
+    window.setTimeout = (call, delay_ms, ...rest) => { paused_ms.push(performance.now()); return wait(call, delay_ms, ...rest); };
+    const later = (ms) => new Promise((resolve) => wait(resolve, ms));
+    await later(600); // it was framed anew
+    const begun = requested_ms.length, begin_ms = performance.now();
+    await later(2000);
+    const calm_s = 1e-3 * (performance.now() - begin_ms), calm = requested_ms.length - begun;
+    document.getElementById("canvas").dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
+    const turned_ms = performance.now();
+    const before = requested_ms.length;
+    while (requested_ms.length < before + 2) await later(5); // the pause that had begun is over
+    const from_ms = performance.now();
+    await later(1000);
+    Object.assign(window, { requestAnimationFrame: request, setTimeout: wait });
+    return { calm_hz: calm / calm_s, pauses: paused_ms.filter((ms) => ms > from_ms && ms < turned_ms + 450).length, after: paused_ms.at(-1) - turned_ms };
+  });
+  assert.ok(seen.calm_hz > 0 && seen.calm_hz < 21, `${seen.calm_hz} pictures per second`);
+  assert.equal(seen.pauses, 0, "pauses while the view is turned");
+  assert.ok(seen.after > 450, "pauses again after that");
+});
+
 page_test("100 000 deforming vertices are shown", { world: { vertices: 100000 }, page: { ...kSmall, scale: 0.5, max_hz: 60 } }, async (page) => {
   await until(page, (t) => t.mesh_frames > 5, "mesh frames");
   const begin = await status(page);
