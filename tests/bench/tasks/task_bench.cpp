@@ -48,7 +48,8 @@ std::vector<Motion> motions() {
   };
   out.push_back(
       {"circle of 2 cm, 0.5 Hz", 10.0, 10.0 * 0.5 * kTwoPi * 0.02, kNotKnown, [=](double t_s) {
-         return 0.02 * Vector3(std::cos(0.5 * kTwoPi * t_s), std::sin(0.5 * kTwoPi * t_s), 0.0);
+         return Vector3(0.02 * std::cos(0.5 * kTwoPi * t_s), 0.02 * std::sin(0.5 * kTwoPi * t_s),
+                        0.0);
        }});
   taps("taps of 20 mm, 1 Hz", 0.02, 1.0);
   taps("taps of 20 mm, 3 Hz", 0.02, 3.0);
