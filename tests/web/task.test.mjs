@@ -259,7 +259,12 @@ test("two pages on one task show the same phase, time left, marks and score", kW
   await second.locator("#task-stop").click();
   await both((page) => region(page).getByRole("heading", { name: "Score" }).waitFor());
   const scores = await both(shown_score);
-  assert.match(scores[0].findings.join("\n"), /Found 0 of 1\.[^]*3 marks were set without touching the tissue\./);
+  const findings = scores[0].findings.join("\n");
+  assert.match(findings, /Found 0 of 1\./);
+  // on a busy machine telemetry before a mark can be missing, which is said
+  const marks = [/(\d) marks? (?:was|were) set without touching the tissue\./, /(\d) marks? (?:is|are) not judged/]
+    .map((words) => Number(words.exec(findings)?.[1] ?? 0));
+  assert.equal(marks[0] + marks[1], 3, findings);
   assert.deepEqual(scores[1], scores[0]);
   const maps = await both((page) => until(page, (t) => t.task_map?.lesions === 1, "the map"));
   assert.deepEqual(maps[1].task_map, maps[0].task_map);
