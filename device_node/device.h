@@ -60,6 +60,10 @@ struct DeviceSample {
   /// What the motors did since the last message beyond F·Δx: held currents make another force while
   /// the arm turns [J]. 0: the device holds the force.
   double turning_joule = 0.0;
+  /// What the arm's turning has made of the force of held currents since the last message [N], D:
+  /// this one changes the force by applied_force_newton − the last one − that. 0: the device holds
+  /// the force.
+  Vector3 turned_newton = Vector3::Zero();
   /// What the device measured, by motor currents or joint torques, that its motors do now [N], D;
   /// none: it measures nothing.
   std::optional<Vector3> measured_newton = {};

@@ -56,7 +56,8 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       monitor_(
           ForceMonitor(config,
                        {.are_by_themselves = device.specification().has_motor_watchdog,
-                        .reach_m = 2.0 * device.specification().workspace_half_extent_m.norm()}),
+                        .reach_m = 2.0 * device.specification().workspace_half_extent_m.norm(),
+                        .held_ratio = device.specification().held_force_ratio}),
           journal),
       watch_(config),
       frozen_(config),
@@ -368,7 +369,8 @@ void DeviceNode::follow_applied(const DeviceSample& sample,
 
 ReadingDetails DeviceNode::details_of(const DeviceSample& sample) const noexcept {
   ReadingDetails details{.skew = sample.skew + config_.latency,
-                         .turning_joule = sample.turning_joule};
+                         .turning_joule = sample.turning_joule,
+                         .turned_newton = sample.turned_newton};
   if (!device_.specification().has_motor_watchdog) {
     details.acting_newton = sample.applied_force_newton;
   }

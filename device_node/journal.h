@@ -67,6 +67,7 @@ struct JournalEntry {
     archive(lease);
     archive(details.skew);
     archive(details.turning_joule);
+    archive(details.turned_newton);
     archive(details.acting_newton);
     archive(is_good);
     archive(ledger_joule);

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -15,34 +16,82 @@
 
 namespace palpate::device {
 
-/// DeviceSpecification::held_force_ratio, from 5 × 5 × 5 places of the workspace: torques τ = J_pᵀ
-/// F, commanded at p, make J_q⁻ᵀ τ at q, at most ‖J_q⁻ᵀ J_pᵀ‖ |F|.
+/// DeviceSpecification::held_force_ratio: torques τ = J_pᵀ F, commanded at p, make J_q⁻ᵀ τ at q, at
+/// most ‖J_q⁻ᵀ J_pᵀ‖ |F|. From all pairs of 5 × 5 × 5 places of the workspace and of the two where
+/// J and J⁻¹ are largest, which are climbed to from the best of 21 × 21 × 21.
 /// @param jacobian_at  of a place of D: std::optional<Matrix3>, ∂position/∂angles; nothing at a
 ///                     singular place, nor where the arm cannot be, which such places border on
-/// @return             ≥ 1; infinite where the workspace has such a place
+/// @return             ≥ 1; infinite where the workspace has such a place, or det J another sign
 template <class JacobianAt>
 double held_force_ratio(const Vector3& workspace_half_extent_m, const JacobianAt& jacobian_at) {
-  constexpr int kPlaces = 5;
   constexpr double kBetween = 1.02;  // places between those looked at
-  std::vector<Matrix3> commanded;    // J_pᵀ
-  std::vector<Matrix3> elsewhere;    // J_q⁻ᵀ
-  for (int i = 0; i < kPlaces * kPlaces * kPlaces; ++i) {
-    const Eigen::Vector3i place(i % kPlaces, i / kPlaces % kPlaces, i / (kPlaces * kPlaces));
-    const Vector3 share = place.cast<double>() / (0.5 * (kPlaces - 1)) - Vector3::Ones();
-    const std::optional<Matrix3> jacobian =
-        jacobian_at(Vector3(share.cwiseProduct(workspace_half_extent_m)));
-    if (!jacobian) return std::numeric_limits<double>::infinity();
-    commanded.emplace_back(jacobian->transpose());
-    elsewhere.emplace_back(commanded.back().inverse());
-  }
-  double most = 1.0;
-  for (const Matrix3& torque_by_force : commanded) {
-    for (const Matrix3& force_by_torque : elsewhere) {
-      const Matrix3 ratio = force_by_torque * torque_by_force;
-      most = std::max(most, Eigen::JacobiSVD<Matrix3>(ratio).singularValues()[0]);
+  constexpr int kPairs = 5;
+  constexpr int kPlaces = 21;
+  const auto at = [&](const Vector3& share) {
+    return jacobian_at(Vector3(share.cwiseProduct(workspace_half_extent_m)));
+  };
+  /// Calls with each place of a grid, −1 … 1 on each axis, until one returns false.
+  const auto each = [](int count, const auto& call) {
+    for (int i = 0; i < count * count * count; ++i) {
+      const Eigen::Vector3i place(i % count, i / count % count, i / (count * count));
+      if (!call(Vector3(place.cast<double>() / (0.5 * (count - 1)) - Vector3::Ones())))
+        return false;
+    }
+    return true;
+  };
+
+  struct Most {
+    double (*of)(const Matrix3& jacobian);
+    double value = -1.0;
+    Vector3 share = Vector3::Zero();
+  };
+  std::array<Most, 2> largest{Most{[](const Matrix3& j) { return j.norm(); }},
+                              Most{[](const Matrix3& j) { return j.inverse().norm(); }}};
+  double sign = 0.0;
+  /// False: a singular place, or one beyond.
+  const auto look = [&](const Vector3& share, Most& most) {
+    const std::optional<Matrix3> jacobian = at(share);
+    const double determinant = jacobian ? jacobian->determinant() : 0.0;
+    if (sign == 0.0) sign = determinant;
+    if (!(determinant * sign > 0.0)) return false;
+    if (const double value = most.of(*jacobian); value > most.value) {
+      most.value = value;
+      most.share = share;
+    }
+    return true;
+  };
+  const auto look_at_both = [&](const Vector3& share) {
+    return look(share, largest[0]) && look(share, largest[1]);
+  };
+  if (!each(kPlaces, look_at_both)) return std::numeric_limits<double>::infinity();
+  for (Most& most : largest) {
+    for (double step = 2.0 / (kPlaces - 1); step > 1e-4;) {
+      const Vector3 from = most.share;
+      for (int way = 0; way < 6; ++way) {
+        Vector3 share = from;
+        share[way / 2] = std::clamp(share[way / 2] + (way % 2 == 0 ? step : -step), -1.0, 1.0);
+        if (!look(share, most)) return std::numeric_limits<double>::infinity();
+      }
+      if (most.share == from) step *= 0.5;
     }
   }
-  return kBetween * most;
+
+  std::vector<Matrix3> commanded;  // J_pᵀ
+  const auto take = [&](const Vector3& share) {
+    commanded.emplace_back(at(share)->transpose());
+    return true;
+  };
+  each(kPairs, take);
+  for (const Most& most : largest) take(most.share);
+  double ratio = 1.0;
+  for (const Matrix3& elsewhere : commanded) {
+    const Matrix3 force_by_torque = elsewhere.inverse();
+    for (const Matrix3& torque_by_force : commanded) {
+      const Matrix3 by_force = force_by_torque * torque_by_force;
+      ratio = std::max(ratio, Eigen::JacobiSVD<Matrix3>(by_force).singularValues()[0]);
+    }
+  }
+  return kBetween * ratio;
 }
 
 /// The same of a driver whose settings say where its arm is mounted.
@@ -54,19 +103,35 @@ double held_force_ratio_of(const Config& config, const JacobianAt& jacobian_at) 
   });
 }
 
+/// A Jacobian of the frame of the arm, in D.
+template <class Config>
+std::optional<Matrix3> mounted(const Config& config, const std::optional<Matrix3>& jacobian) {
+  if (!jacobian) return {};
+  return Matrix3(config.rotation.toRotationMatrix() * *jacobian);
+}
+
 /// The work of torques τ over joint angles is τ·Δθ, exactly; the energy is counted with F·Δx, F as
-/// it was reported. The difference goes into DeviceSample::turning_joule.
+/// it was reported. The difference goes into DeviceSample::turning_joule. A message that replaces
+/// them changes the force where the arm is then by J⁻ᵀ Δτ: what of ΔF it is not, into
+/// turned_newton.
 class HeldTorque {
  public:
   /// After each answer.
   /// @param torque_newton_m  held from now on
   /// @param angles_rad       of the answer
-  /// @param sample           its position and the force reported; receives turning_joule
+  /// @param jacobian         J there, ∂position/∂angles, D; nothing at a singular place
+  /// @param sample           its position and the force reported; receives turning_joule and
+  ///                         turned_newton
   void answered(const Vector3& torque_newton_m, const Vector3& angles_rad,
-                DeviceSample& sample) noexcept {
+                const std::optional<Matrix3>& jacobian, DeviceSample& sample) noexcept {
     if (is_known_) {
       sample.turning_joule = torque_newton_m_.dot(angles_rad - angles_rad_) -
                              force_newton_.dot(sample.hand_position_m - position_m_);
+      if (jacobian) {
+        const Matrix3 newton_by_torque = jacobian->inverse().transpose();
+        sample.turned_newton = sample.applied_force_newton - force_newton_ -
+                               newton_by_torque * (torque_newton_m - torque_newton_m_);
+      }
     }
     is_known_ = true;
     torque_newton_m_ = torque_newton_m;

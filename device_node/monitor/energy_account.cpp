@@ -53,6 +53,7 @@ void EnergyAccount::restart(const Vector3& position_m, double joule) noexcept {
   held_change_newton_ = 0.0;
   skewed_joule_ = 0.0;
   next_skew_s_ = std::max(skew_s_, next_skew_s_);
+  next_turned_newton_.setZero();
   finish_reading();
   position_m_ = play_m_ = position_m;
   recent_path_m_.setZero();
@@ -62,15 +63,19 @@ void EnergyAccount::restart(const Vector3& position_m, double joule) noexcept {
   }
 }
 
-void EnergyAccount::next_reading(double skew_s, double turning_joule) noexcept {
+void EnergyAccount::next_reading(double skew_s, double turning_joule,
+                                 const Vector3& turned_newton) noexcept {
   next_skew_s_ = skew_s;
   turning_joule_ = turning_joule;
+  next_turned_newton_ = turned_newton;
 }
 
 /// The next reading is the last one now.
 void EnergyAccount::finish_reading() noexcept {
   skew_s_ = next_skew_s_;
+  turned_newton_ = next_turned_newton_;
   next_skew_s_ = turning_joule_ = 0.0;
+  next_turned_newton_.setZero();
 }
 
 void EnergyAccount::book(double duration_s, const Vector3& force_on_hand_newton,
@@ -86,13 +91,14 @@ void EnergyAccount::book(double duration_s, const Vector3& force_on_hand_newton,
 void EnergyAccount::book_release(const Release& release) noexcept {
   const double before = joule();
   const double least = below(before, -release.most_drawn_joule);
-  if (std::isfinite(release.v_max_m_per_s)) {
+  if (std::isfinite(release.v_max_m_per_s) && std::isfinite(release.held_ratio)) {
     const double released = least_release_joule(release);
     change_force(release.force_on_hand_newton);
     hold(release.position_at_end_m);
     // no position was read where it ended, and its work is that of the release
     last_force_newton_.setZero();
     held_newton_ -= release.force_on_hand_newton;
+    next_turned_newton_.setZero();
     count_work(release.position_at_end_m);
     follow(release.position_at_end_m, release.duration_s);
     carried_joule_ = below(carried_joule_, released);
@@ -104,9 +110,11 @@ void EnergyAccount::book_release(const Release& release) noexcept {
 /// Work of the force, which ended where nobody read the position. docs/theory.md §2.5: u, Δ, b, c.
 double EnergyAccount::least_release_joule(const Release& release) const noexcept {
   const Vector3& F = release.force_on_hand_newton;
-  const double newton = F.norm();
   const Vector3 moved = release.position_at_end_m - position_m_;
-  const double along = F.dot(moved) / newton;
+  // held currents draw τ·Δθ, whatever the way: at most r|F| times how far it got, in any direction
+  const bool turns = release.held_ratio > 1.0;
+  const double newton = release.held_ratio * F.norm();
+  const double along = turns ? moved.norm() : F.dot(moved) / newton;
   // the end that costs most: further than v_max t the hand cannot have gone, nor have come back
   const double v_max = release.v_max_m_per_s;
   const double acted_s = std::clamp(0.5 * (along / v_max + release.duration_s), release.acted_s,
@@ -115,8 +123,9 @@ double EnergyAccount::least_release_joule(const Release& release) const noexcept
   const double way_back = v_max * (release.duration_s - acted_s);
   const double b = std::min(reach, along + way_back);
   // twice: of the readings, and of the time for which the force acted
-  const double c = 0.5 * resolution_m_ * F.lpNorm<1>() / newton +
-                   2.0 * v_skew_m_per_s_ * std::max(skew_s_, next_skew_s_);
+  const double resolutions = turns ? std::sqrt(3.0) : F.lpNorm<1>() / newton;
+  const double c =
+      0.5 * resolution_m_ * resolutions + 2.0 * v_skew_m_per_s_ * std::max(skew_s_, next_skew_s_);
   double joule = -newton * (b + c);
   if (newton >= 2.0 * isotropic_coulomb_newton_) {
     // there and back again
@@ -135,8 +144,8 @@ double EnergyAccount::joule() const noexcept {
     magnitude += std::abs(term);
   };
   add(work_joule_);
-  add(-0.5 * resolution_m_ * (held_newton_.lpNorm<1>() + held_change_newton_));
-  add(-(skewed_joule_ + v_skew_m_per_s_ * skew_s_ * last_force_newton_.norm()));
+  add(-0.5 * resolution_m_ * ((held_newton_ + turned_newton_).lpNorm<1>() + held_change_newton_));
+  add(-(skewed_joule_ + v_skew_m_per_s_ * skew_s_ * (last_force_newton_ + turned_newton_).norm()));
   for (std::size_t i = 0; i < used_; ++i) {
     const Path& path = paths_[i];
     add(path.closed_viscous_joule + path.viscous_joule(window_moved_m()));
@@ -145,9 +154,10 @@ double EnergyAccount::joule() const noexcept {
 }
 
 void EnergyAccount::change_force(const Vector3& force_newton) noexcept {
-  if (force_newton == last_force_newton_) return;
+  if (force_newton == last_force_newton_ && turned_newton_.isZero(0.0)) return;
   has_worked_ = true;
-  skewed_joule_ += v_skew_m_per_s_ * skew_s_ * (force_newton - last_force_newton_).norm();
+  skewed_joule_ +=
+      v_skew_m_per_s_ * skew_s_ * (force_newton - last_force_newton_ - turned_newton_).norm();
   skewed_joule_ *= 1.0 + kUlps;
   last_force_newton_ = force_newton;
 }
@@ -158,7 +168,8 @@ void EnergyAccount::hold(const Vector3& position_m) noexcept {
   const double kept_m = kRecentResolutions * resolution_m_;
   const Vector3 moved = position_m - position_m_;
   const Vector3 toward = position_m - play_m_;
-  const Vector3 held_before = held_newton_;
+  const Vector3 held_before = held_newton_ + turned_newton_;
+  turned_newton_.setZero();
   for (std::size_t p = 0; p < used_; ++p) {
     const Path& path = paths_[p];
     const int end = path.first + path.count;
@@ -188,7 +199,7 @@ void EnergyAccount::hold(const Vector3& position_m) noexcept {
       const bool goes_on =
           toward[i] * moved[i] > 0.0 && std::abs(toward[i]) >= kAtTheEdge * half_width;
       held_newton_[i] = goes_on ? force - std::copysign(most, toward[i])
-                                : std::clamp(held_newton_[i], force - most, force + most);
+                                : std::clamp(held_before[i], force - most, force + most);
     }
   }
   if (held_newton_ != held_before) {

@@ -18,6 +18,9 @@ namespace palpate::device {
 ///       − v (s(k)|F(k−1)| + s(0)|F(0)| + Σ s|ΔF|) − Σ turning₊
 ///       + Σ over paths f_d Σ (|Δx̂| − w)₊²/Δt
 ///
+/// Δ is the change at the place of the reading: of held currents, whose force there is no longer
+/// the one that was reported but F(k−1) + turned, without what has turned.
+///
 /// G = F − h with |h| ≤ f_co: Coulomb friction dissipates at least h·d over any way d. Which h is
 /// free. Here, on axis i, |hᵢ| ≤ f_co Lᵢ/|L| with L the recent path: all of that, against the hand,
 /// in a step in which the reading goes on, and else what changes Gᵢ least. One path in space with
@@ -36,7 +39,8 @@ class EnergyAccount {
   /// Of the readings that follow.
   /// @param skew_s         s
   /// @param turning_joule  of the stretch that ends at the next one
-  void next_reading(double skew_s, double turning_joule) noexcept;
+  /// @param turned_newton  DeviceSample::turned_newton of the next one
+  void next_reading(double skew_s, double turning_joule, const Vector3& turned_newton) noexcept;
 
   /// One force acted for `duration_s` > 0 and the position at the end was read.
   void book(double duration_s, const Vector3& force_on_hand_newton,
@@ -51,7 +55,8 @@ class EnergyAccount {
     double duration_s = 0.0;                      ///< ≥ acted_s: until the reading
     Vector3 position_at_end_m = Vector3::Zero();  ///< the reading
     double v_max_m_per_s = 0.0;                   ///< may be infinite: unknown
-    double most_drawn_joule = 0.0;                ///< upper bound of the loss; may be infinite
+    double held_ratio = 1.0;  ///< ≥ 1: |F| elsewhere is at most so many times that; may be infinite
+    double most_drawn_joule = 0.0;  ///< upper bound of the loss; may be infinite
   };
   /// Lemmas: release_reach, release_between, release_energy.
   void book_release(const Release& release) noexcept;
@@ -81,6 +86,8 @@ class EnergyAccount {
     archive(skew_s_);
     archive(next_skew_s_);
     archive(turning_joule_);
+    archive(turned_newton_);
+    archive(next_turned_newton_);
     archive(position_m_);
     archive(window_start_m_);
     archive(play_m_);
@@ -135,12 +142,14 @@ class EnergyAccount {
   double work_joule_ = 0.0;  // −Σ G·Δx̂
   bool has_worked_ = false;
   Vector3 last_force_newton_ = Vector3::Zero();
-  Vector3 held_newton_ = Vector3::Zero();  // G(k−1)
-  double held_change_newton_ = 0.0;        // |G(0)|₁ + Σ |ΔG|₁
-  double skewed_joule_ = 0.0;              // v (s(0)|F(0)| + Σ s|ΔF|)
-  double skew_s_ = 0.0;                    // of the last reading
-  double next_skew_s_ = 0.0;               // of the next one
-  double turning_joule_ = 0.0;             // of the stretch up to it
+  Vector3 held_newton_ = Vector3::Zero();         // G(k−1)
+  double held_change_newton_ = 0.0;               // |G(0)|₁ + Σ |ΔG|₁
+  double skewed_joule_ = 0.0;                     // v (s(0)|F(0)| + Σ s|ΔF|)
+  double skew_s_ = 0.0;                           // of the last reading
+  double next_skew_s_ = 0.0;                      // of the next one
+  double turning_joule_ = 0.0;                    // of the stretch up to it
+  Vector3 turned_newton_ = Vector3::Zero();       // of the last reading
+  Vector3 next_turned_newton_ = Vector3::Zero();  // of the next one
   Vector3 position_m_ = Vector3::Zero();
   Vector3 window_start_m_ = Vector3::Zero();  // of each axis
   Vector3 play_m_ = Vector3::Zero();          // outputs of play operators of half-width q/2

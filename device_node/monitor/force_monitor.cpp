@@ -125,9 +125,10 @@ void ForceMonitor::lost() noexcept {
   // the lease of each command is paid; beyond that the force went on until its release. Lemma:
   // failed_release.
   for (const Vector3& force : {acting_newton_, failed_newton_.value_or(Vector3::Zero())}) {
-    const double drain = worst_hand_.drain_watt(force);
+    const double drain = drain_elsewhere_watt(force);
     if (drain == 0.0) continue;
-    credit_joule_ -= std::min(to_seconds(last_end_ - since_) * drain, force.norm() * ends_.reach_m);
+    credit_joule_ -= std::min(to_seconds(last_end_ - since_) * drain,
+                              ends_.held_ratio * force.norm() * ends_.reach_m);
   }
 }
 
@@ -164,7 +165,7 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
                           const ReadingDetails& details) noexcept {
   const double skew_s = to_seconds(details.skew);
   for (EnergyAccount* const account : {&lasting_, &recent_}) {
-    account->next_reading(skew_s, details.turning_joule);
+    account->next_reading(skew_s, details.turning_joule, details.turned_newton);
   }
   if (is_lost_) {
     is_lost_ = false;
@@ -184,10 +185,15 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
   const double acted_s = std::max(0.0, to_seconds(std::min(at, first_end_) - since_));
   const double acted_at_most_s = to_seconds(std::min(at, last_end_) - since_);
   const double worst_skew_s = std::max(skew_s_, skew_s);
-  const double most_drawn_joule =
-      is_idle ? 0.0
-              : (acted_at_most_s + worst_skew_s) * worst_hand_.drain_watt(acting_newton_) +
-                    std::max(0.0, details.turning_joule);
+  const bool is_end_unseen = first_end_ < at && !is_idle;
+  double most_drawn_joule = 0.0;
+  if (!is_idle) {
+    const double drain = is_end_unseen ? drain_elsewhere_watt(acting_newton_)
+                                       : worst_hand_.drain_watt(acting_newton_);
+    most_drawn_joule = (acted_at_most_s + worst_skew_s) * drain +
+                       std::max(0.0, details.turning_joule) +
+                       v_skew_m_per_s_ * worst_skew_s * details.turned_newton.norm();
+  }
   floor_joule_ = joule();
   if (most_drawn_joule > 0.0) {
     floor_joule_ -= most_drawn_joule + kUlps * (std::abs(floor_joule_) + most_drawn_joule);
@@ -197,13 +203,14 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
     floor_joule_ = -std::numeric_limits<double>::infinity();
   }
   for (EnergyAccount* const account : {&lasting_, &recent_}) {
-    if (first_end_ < at && !is_idle) {
+    if (is_end_unseen) {
       account->book_release({.force_on_hand_newton = acting_newton_,
                              .acted_s = acted_s,
                              .acted_at_most_s = acted_at_most_s,
                              .duration_s = duration_s,
                              .position_at_end_m = position_m,
                              .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
+                             .held_ratio = ends_.held_ratio,
                              .most_drawn_joule = most_drawn_joule});
     } else {
       account->book(duration_s, acting_newton_, position_m);

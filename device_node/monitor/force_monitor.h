@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <optional>
 
@@ -63,12 +64,15 @@ struct MotorEnds {
   bool are_by_themselves = true;
   /// No two places of the hand are further apart [m]: what a force that nobody ends can draw.
   double reach_m = std::numeric_limits<double>::infinity();
+  /// DeviceSpecification::held_force_ratio: what a force is elsewhere, if its end is not seen.
+  double held_ratio = 1.0;
 };
 
 /// What a reading says beside the position.
 struct ReadingDetails {
-  Duration skew{};             ///< reading and switch may be apart by so much
-  double turning_joule = 0.0;  ///< DeviceSample::turning_joule
+  Duration skew{};                          ///< reading and switch may be apart by so much
+  double turning_joule = 0.0;               ///< DeviceSample::turning_joule
+  Vector3 turned_newton = Vector3::Zero();  ///< DeviceSample::turned_newton
   /// Of a reading, where forces do not end by themselves: what acts from it on.
   std::optional<Vector3> acting_newton = {};
 };
@@ -99,6 +103,7 @@ class ForceMonitor {
         recent_(config.profile, v_skew(config)),
         bound_(config, ends.are_by_themselves),
         resolution_m_(config.profile.position_resolution_m),
+        v_skew_m_per_s_(v_skew(config)),
         worst_hand_(config.profile, config.monitor.v_max_m_per_s),
         most_newton_(config.peak_force_newton),
         reply_(config.reply),
@@ -155,12 +160,14 @@ class ForceMonitor {
     bound_.list(archive);
     archive(floor_joule_);
     archive(resolution_m_);
+    archive(v_skew_m_per_s_);
     worst_hand_.list(archive);
     archive(most_newton_);
     archive(reply_);
     archive(hold_);
     archive(ends_.are_by_themselves);
     archive(ends_.reach_m);
+    archive(ends_.held_ratio);
     archive(is_lost_);
     archive(since_);
     archive(acting_newton_);
@@ -184,12 +191,19 @@ class ForceMonitor {
   }
   void settle(TimePoint at, const Vector3& position_m, const ReadingDetails& details) noexcept;
   void acts(const Vector3& force_on_hand_newton) noexcept;
+  /// D of a force that may have ended anywhere, or become another one there [W].
+  [[nodiscard]] double drain_elsewhere_watt(const Vector3& force_newton) const noexcept {
+    if (force_newton.isZero(0.0)) return 0.0;
+    if (!std::isfinite(ends_.held_ratio)) return std::numeric_limits<double>::infinity();
+    return worst_hand_.drain_watt(ends_.held_ratio * force_newton);
+  }
 
   EnergyAccount lasting_;
   EnergyAccount recent_;
   WorkBound bound_;
   double floor_joule_ = 0.0;
   double resolution_m_;
+  double v_skew_m_per_s_;
   WorstHand worst_hand_;
   double most_newton_;
   Duration reply_;

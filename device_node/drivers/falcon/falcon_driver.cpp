@@ -158,7 +158,7 @@ class FalconDevice final : public WireDevice {
     sample.hand_position_m = config_.rotation * (*grip_m - config_.origin_m);
     sample.buttons = reading.buttons;
     held_.answered(Vector3(motors[0], motors[1], motors[2]) / config_.torque_gain, angles_rad_,
-                   sample);
+                   mounted(config_, FalconDelta::jacobian(*grip_m_, angles_rad_)), sample);
     return Transfer::kDone;
   }
 

@@ -17,8 +17,8 @@ namespace {
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 /// The axis across the plane has no motor.
-std::optional<Matrix3> hapi_jacobian(const Pantograph& links, const Vector3& handle_m) {
-  const std::optional<Vector2> angles_rad = links.angles_rad(handle_m.head<2>());
+std::optional<Matrix3> hapi_jacobian(const Pantograph& links,
+                                     const std::optional<Vector2>& angles_rad) {
   const std::optional<Matrix2> of_plane = angles_rad ? links.jacobian(*angles_rad) : std::nullopt;
   if (!of_plane) return {};
   Matrix3 jacobian = Matrix3::Identity();
@@ -44,8 +44,9 @@ class HapiDevice final : public WireDevice {
         config.encoder_offsets_deg[0], config.encoder_offsets_deg[1]);
     specification.calibration = text.data();
     specification.answers_uncalibrated = false;
-    specification.held_force_ratio = held_force_ratio_of(
-        config, [this](const Vector3& handle_m) { return hapi_jacobian(links_, handle_m); });
+    specification.held_force_ratio = held_force_ratio_of(config, [this](const Vector3& handle_m) {
+      return hapi_jacobian(links_, links_.angles_rad(handle_m.head<2>()));
+    });
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
   }
@@ -107,7 +108,8 @@ class HapiDevice final : public WireDevice {
     sample.applied_force_newton =
         config_.rotation * Vector3(applied_newton.x(), applied_newton.y(), 0.0);
     held_.answered(Vector3(torques[0], torques[1], 0.0) / config_.torque_gain,
-                   Vector3(angles_rad.x(), angles_rad.y(), 0.0), sample);
+                   Vector3(angles_rad.x(), angles_rad.y(), 0.0),
+                   mounted(config_, hapi_jacobian(links_, angles_rad)), sample);
     return Transfer::kDone;
   }
 

@@ -104,6 +104,10 @@ typedef struct palpate_device_reading {
   /** Position and switch may be apart, and older than sampled_at_ns, by so much: the time of the
    * transfer. 0: they are one instant. Added later, as above. */
   int64_t skew_ns;
+  /** Of motors that hold their currents: what the arm's turning has made of their force since the
+   * last reading [N], D. The currents that this message sets change the force at this place by
+   * applied_force_newton − the last one − this, J⁻ᵀ Δτ. Added later, as above. */
+  double turned_newton[3];
 } palpate_device_reading;
 
 /** What the library may use of the program that loads it. Valid until close has returned. */

@@ -196,11 +196,12 @@ class PluginDevice final : public HapticDevice {
     const double norm = orientation.norm();
     const Vector3 applied = vector_of(reading.applied_force_newton);
     const Vector3 measured = vector_of(reading.measured_force_newton);
+    const Vector3 turned = vector_of(reading.turned_newton);
     // a NaN is not ≤, so that it is refused too
     const double peak_newton = specification_.peak_force_newton;
     const bool is_real = applied.norm() <= kRounding * peak_newton &&
-                         std::isfinite(reading.turning_joule) && skew >= Duration::zero() &&
-                         skew <= kMostSkew &&
+                         std::isfinite(reading.turning_joule) && turned.allFinite() &&
+                         skew >= Duration::zero() && skew <= kMostSkew &&
                          (!measures_force_ || measured.norm() <= kMostMeasured * peak_newton);
     if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !is_real) {
       driver_->release(device_);
@@ -213,7 +214,8 @@ class PluginDevice final : public HapticDevice {
               .sampled_at = stamp,
               .applied_force_newton = applied,
               .skew = skew,
-              .turning_joule = reading.turning_joule};
+              .turning_joule = reading.turning_joule,
+              .turned_newton = turned};
     if (measures_force_) sample.measured_newton = measured;
     return true;
   }

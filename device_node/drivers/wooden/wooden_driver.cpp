@@ -186,13 +186,14 @@ class WoodenDevice final : public WireDevice {
     const Transfer transfer = ask(command, reading);
     if (transfer != Transfer::kDone) return transfer;
     const Vector3 angles = angles_rad(reading);
-    if (!drive_.arm.jacobian(angles)) return Transfer::kCorrupt;  // no place of the workspace
+    const std::optional<Matrix3> jacobian = drive_.arm.jacobian(angles);
+    if (!jacobian) return Transfer::kCorrupt;  // no place of the workspace
     angles_rad_ = angles;
     sample.hand_position_m = config_.rotation * (drive_.arm.handle_m(angles) - config_.origin_m);
     sample.buttons = is_wooden_button_held(reading) ? 1 : 0;
     held_.answered(Vector3(command.currents_ma[0], command.currents_ma[1], command.currents_ma[2])
                        .cwiseQuotient(drive_.ma_per_newton_m),
-                   angles, sample);
+                   angles, mounted(config_, jacobian), sample);
     return Transfer::kDone;
   }
 

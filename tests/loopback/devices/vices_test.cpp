@@ -107,6 +107,71 @@ constexpr auto kIsBooked = [](const VicedResult& result, std::uint64_t seed) {
   EXPECT_LE(result.most_unbooked_joule, kRoundingJoule) << "seed=" << seed;
 };
 
+// A command that stays has other torques at each place; late, they are those of an earlier one.
+VicedRun that_comes_late(std::uint64_t seed) {
+  constexpr double kTurning_per_m[] = {6.0, 15.0, 21.0};
+  VicedRun run;
+  run.turning_per_m = kTurning_per_m[seed % 3];
+  run.steady_newton = seed % 2 == 0 ? 3.0 : -3.0;
+  run.vices.sensing = run.vices.actuation = Duration((seed % 4 < 2 ? 1 : 2) * 1'000'000);
+  run.coulomb_newton = 0.02;
+  run.viscous_newton_s_per_m = 0.0;
+  run.resolution_m = 1e-5;
+  run.seconds = 30.0;
+  return run;
+}
+
+TEST(Vices, ASteadyForceOfHeldCurrentsThatComesLateIsBooked) {
+  const Worst worst = all_runs("a steady force, late", 12, Books::kTrue, that_comes_late,
+                               [](const VicedResult& result, std::uint64_t seed) {
+                                 EXPECT_GE(result.least_true_joule, -kRoundingJoule)
+                                     << "seed=" << seed;
+                                 kIsBooked(result, seed);
+                               });
+  EXPECT_GT(worst.pushed, 1000U) << "forces act at all";
+}
+
+TEST(VicesTwin, WithoutWhatHasTurnedASteadyForceLeaks) {
+  const auto make_run = [](std::uint64_t seed) {
+    VicedRun run = that_comes_late(seed);
+    run.tells_turned = false;
+    return run;
+  };
+  const Worst worst =
+      all_runs("the same, of the reported force alone", all_of(12), Books::kTrue, make_run, kAny);
+  EXPECT_GT(worst.unbooked_joule, 10e-3);
+  EXPECT_LT(worst.least_joule, -1e-3);
+}
+
+// A watchdog ends the force at a place that nobody reads, and the hand has come back since.
+VicedRun that_ends_unseen(std::uint64_t seed) {
+  VicedRun run;
+  run.turning_per_m = seed % 2 == 0 ? 12.0 : 20.0;
+  run.steady_newton = seed % 4 < 2 ? 2.0 : -2.0;
+  run.vices.watchdog = Duration(100'000'000);
+  run.longest_stall = Duration(static_cast<std::int64_t>(150 + 10 * (seed % 10)) * 1'000'000);
+  run.viscous_newton_s_per_m = 0.0;
+  run.resolution_m = 1e-5;
+  run.seconds = 12.0;
+  return run;
+}
+
+TEST(Vices, AForceThatEndsUnseenWhileTheArmTurnsIsBooked) {
+  all_runs("ends unseen while the arm turns", 20, Books::kTrue, that_ends_unseen, kIsBooked);
+}
+
+TEST(VicesTwin, AsAForceThatIsTheSameEverywhereItIsNot) {
+  const auto make_run = [](std::uint64_t seed) {
+    VicedRun run = that_ends_unseen(seed);
+    run.bounds_held_currents = false;
+    return run;
+  };
+  EXPECT_GT(all_runs("the same, as a force that is the same everywhere", all_of(20), Books::kTrue,
+                     make_run, kAny)
+                .unbooked_joule,
+            1e-3);
+}
+
 VicedRun that_sleeps(std::uint64_t seed) {
   VicedRun run = random_run_within_the_claim(seed);
   run.vices.watchdog = device::HardwareVices::kNever;

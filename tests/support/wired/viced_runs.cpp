@@ -31,6 +31,21 @@ struct ArmParts {
   std::uint64_t seed = 0;
 };
 
+/// The arm stays a fifth away from where it is singular.
+Vector3 half_extent(const VicedRun& run) {
+  return Vector3::Constant(std::min(0.05, 0.8 / std::abs(run.turning_per_m)));
+}
+
+/// 20 mm to each side on x, with 0.4 m/s: 0.2 s there and back.
+RecordedPath to_and_fro() {
+  RecordedPath path;
+  path.loops = true;
+  for (const auto& [t_s, x_m] : {std::pair{0.0, -0.02}, {0.1, 0.02}, {0.2, -0.02}}) {
+    path.samples.push_back({t_s, Vector3(x_m, 0.0, 0.0)});
+  }
+  return path;
+}
+
 /// Each axis is a motor whose angle is θ = x + κx²/2: its force is τ (1 + κx).
 template <Books books>
 class VicedArm final : public device::WireDevice, public device::TrueStateSource {
@@ -42,12 +57,13 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
         hardware_(parts.simulated, parts.hand, wakeful_, parts.seed),
         random_(parts.seed + 2),
         turning_per_m_(parts.run.turning_per_m),
-        count_newton_(parts.run.count_newton) {
+        count_newton_(parts.run.count_newton),
+        tells_turned_(parts.run.tells_turned) {
     hardware_.set(parts.run.vices);
     const auto jacobian_at = [this](const Vector3& hand_m) {
       return std::optional<Matrix3>(gain(hand_m).cwiseInverse().asDiagonal());
     };
-    const Vector3 half_extent_m = Vector3::Constant(0.05);
+    const Vector3 half_extent_m = half_extent(parts.run);
     set_specification(
         {.model_name = "arm with vices",
          .workspace_half_extent_m = half_extent_m,
@@ -114,7 +130,9 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
     if (books == Books::kTrue && turning_per_m_ != 0.0) {
       const Vector3 angles =
           angles_of_m_ + 0.5 * turning_per_m_ * angles_of_m_.cwiseProduct(angles_of_m_);
-      held_.answered(torque, angles, sample);
+      held_.answered(torque, angles, Matrix3(gain(angles_of_m_).cwiseInverse().asDiagonal()),
+                     sample);
+      if (!tells_turned_) sample.turned_newton.setZero();
     }
     return Transfer::kDone;
   }
@@ -132,6 +150,7 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
   double failed_releases_ = 0.0;
   const double turning_per_m_;
   const double count_newton_;
+  const bool tells_turned_;
   bool is_held_ = true;
   Vector3 angles_of_m_ = Vector3::Zero();
   device::HeldTorque held_;
@@ -160,8 +179,12 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
   HandConfig hand{.mass_kg = random.uniform(0.02, 0.3),
                   .stiffness_newton_per_m = random.uniform(800.0, 4000.0),
                   .damping_newton_s_per_m = random.uniform(30.0, 80.0)};
-  hand.path = HostilePath{.radius_m = random.uniform(0.005, 0.04),
+  hand.path = HostilePath{.radius_m = random.uniform(0.005, 0.8 * half_extent(run).x()),
                           .v_max_m_per_s = random.uniform(0.05, 0.3)};
+  if (run.steady_newton != 0.0) {
+    hand = {.mass_kg = 0.03, .stiffness_newton_per_m = 2e4, .damping_newton_s_per_m = 120.0};
+    hand.path = to_and_fro();
+  }
   DeviceNodeBench<VicedArm<books>> bench(
       config, ArmParts{.run = run, .simulated = simulated, .hand = hand, .seed = seed});
   bench.device.lose(run);
@@ -178,16 +201,20 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
         std::max(result.most_unbooked_joule, bench.node.monitor_joule() - truth.energy_joule);
     result.top_speed_m_per_s =
         std::max(result.top_speed_m_per_s, truth.hand_velocity_m_per_s.norm());
-    const Vector3 command = commands.next(state.hand_position_m);
+    const double share = std::clamp(2.0 * (to_seconds(bench.clock.now().time_since_epoch()) - 10.0),
+                                    0.0, 1.0);  // within half a second
+    const Vector3 command = run.steady_newton != 0.0 ? Vector3(share * run.steady_newton, 0.0, 0.0)
+                                                     : commands.next(state.hand_position_m);
     if (random.chance(run.silences_per_tick)) silent_ticks = random.below(100);
     if (silent_ticks > 0) {
       --silent_ticks;
-    } else if (random.chance(0.98)) {
+    } else if (run.steady_newton != 0.0 || random.chance(0.98)) {
       bench.send_answer(state.header.session_id, state.header.sequence, command);
     }
   };
   const TimePoint end = TimePoint(from_seconds(run.seconds));
   bool is_held = true;
+  bool has_stalled = false;
   while (bench.clock.now() < end) {
     if (run.has_dead_man_button && random.chance(is_held ? 0.005 : 0.02)) {
       is_held = !is_held;
@@ -202,7 +229,14 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
       bench.device.sleep(slept);
       bench.node.suspended(slept);
     }
-    if (run.stalls_per_tick > 0.0 && random.chance(run.stalls_per_tick)) {
+    if (run.steady_newton != 0.0) {
+      // once, from a turn of the hand on
+      if (!has_stalled && bench.clock.now() > TimePoint(11s) &&
+          bench.device.true_state().hand_position_m.x() < -0.0195) {
+        bench.clock.advance(run.longest_stall);
+        has_stalled = true;
+      }
+    } else if (run.stalls_per_tick > 0.0 && random.chance(run.stalls_per_tick)) {
       bench.clock.advance(from_seconds(random.uniform() * to_seconds(run.longest_stall)));
     }
     bench.tick();
@@ -243,7 +277,7 @@ VicedRun random_run_within_the_claim(std::uint64_t seed) {
     run.vices.actuation = from_seconds(random.uniform(0.0, 2e-3));
     run.vices.has_jitter = random.chance(0.5);
   }
-  if (random.chance(0.5)) run.turning_per_m = random.uniform(-6.0, 6.0);
+  if (random.chance(0.5)) run.turning_per_m = random.uniform(-21.0, 21.0);
   if (random.chance(0.5)) run.count_newton = random.uniform(1e-3, 0.1);
   run.coulomb_newton = random.chance(0.1) ? 0.0 : random.uniform(0.02, 0.26);
   run.viscous_newton_s_per_m = random.chance(0.1) ? 0.0 : random.uniform(0.02, 0.3);

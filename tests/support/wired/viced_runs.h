@@ -16,7 +16,12 @@ struct VicedRun {
   device::HardwareVices vices;
   /// The arm turns: the force of held currents grows by this share per metre.
   double turning_per_m = 0.0;
+  /// Instead of random commands one that stays, on x, from the tenth second on, and a hand that
+  /// goes to and fro there, 0.2 s each time, with 0.4 m/s, and is at a turn when a stall of the
+  /// longest_stall begins, the only one; 0: random ones.
+  double steady_newton = 0.0;
   bool bounds_held_currents = true;  ///< DeviceSpecification::held_force_ratio
+  bool tells_turned = true;          ///< DeviceSample::turned_newton
   /// The motors take whole multiples of this force on each axis [N]; 0: any.
   double count_newton = 0.0;
   /// The process is stopped this often per tick, and for at most so long. Beyond the lease of a

@@ -222,10 +222,10 @@ TEST(EnergyAccount, AReadingThatIsNotOfTheSwitchCostsWhatAHandMovesMeanwhile) {
   EnergyAccount account(
       {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 0.0}, 0.5);
   const auto book = [&](double newton) {
-    account.next_reading(1e-3, 0.0);
+    account.next_reading(1e-3, 0.0, Vector3::Zero());
     account.book(1e-3, Vector3(newton, 0, 0), Vector3::Zero());
   };
-  account.next_reading(1e-3, 0.0);
+  account.next_reading(1e-3, 0.0, Vector3::Zero());
   account.restart(Vector3::Zero(), 0.0);
   book(2.0);
   EXPECT_NEAR(account.joule(), -2.0 * 2.0 * 5e-4, 1e-12) << "its begin, and its end now";
@@ -240,19 +240,19 @@ TEST(EnergyAccount, AReadingThatIsNotOfTheSwitchCostsWhatAHandMovesMeanwhile) {
 TEST(EnergyAccount, AReadingThatMayBeOlderCountsLessViscousLoss) {
   EnergyAccount account(
       {.viscous_newton_s_per_m = 0.1, .coulomb_newton = 0.0, .position_resolution_m = 0.0}, 0.5);
-  account.next_reading(1.0, 0.0);
+  account.next_reading(1.0, 0.0, Vector3::Zero());
   account.restart(Vector3::Zero(), 0.0);
-  account.next_reading(1.0, 0.0);
+  account.next_reading(1.0, 0.0, Vector3::Zero());
   account.book(1.0, Vector3::Zero(), Vector3(1, 0, 0));
   EXPECT_NEAR(account.joule(), 0.05, 1e-12);
 }
 
 TEST(EnergyAccount, WhatHeldCurrentsGaveBeyondTheForceIsSubtractedAndNoneAdded) {
   EnergyAccount account = account_at_0(0.0, 0.0, 0.0);
-  account.next_reading(0.0, 0.25);
+  account.next_reading(0.0, 0.25, Vector3::Zero());
   account.book(1e-3, Vector3(1, 0, 0), Vector3(1, 0, 0));
   EXPECT_NEAR(account.joule(), -1.25, 1e-12);
-  account.next_reading(0.0, -0.25);
+  account.next_reading(0.0, -0.25, Vector3::Zero());
   account.book(1e-3, Vector3(1, 0, 0), Vector3(1, 0, 0));
   EXPECT_NEAR(account.joule(), -1.25, 1e-12);
 }

@@ -156,7 +156,8 @@ TEST(MonitoredTick, DoesNotAllocate) {
 }
 
 static_assert(noexcept(std::declval<ForceMonitor&>().read(std::declval<TimePoint>(),
-                                                          std::declval<const Vector3&>())));
+                                                          std::declval<const Vector3&>(),
+                                                          std::declval<const ReadingDetails&>())));
 static_assert(noexcept(std::declval<ForceMonitor&>().cover(std::declval<const Vector3&>(),
                                                            Duration{})));
 
