@@ -42,6 +42,9 @@ struct DeviceSpecification {
   /// the force. Without a watchdog and that acceptance no force exceeds f_co divided
   /// by it.
   double held_force_ratio = 1.0;
+  /// Of the same motors: by what share the force of the same currents changes per metre, at most;
+  /// 0: the motors hold the force, or no bound is known.
+  double turning_per_m = 0.0;
 };
 
 /// One reading of position and buttons.

@@ -7,6 +7,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -16,19 +17,28 @@
 
 namespace palpate::device {
 
-/// DeviceSpecification::held_force_ratio: torques τ = J_pᵀ F, commanded at p, make J_q⁻ᵀ τ at q, at
-/// most ‖J_q⁻ᵀ J_pᵀ‖ |F|. From all pairs of 5 × 5 × 5 places of the workspace and of the two where
-/// J and J⁻¹ are largest, which are climbed to from the best of 21 × 21 × 21.
+/// What the force of held currents can become as the arm turns.
+struct HeldForce {
+  double ratio = std::numeric_limits<double>::infinity();  ///< held_force_ratio
+  double turning_per_m = 0.0;
+};
+
+/// Torques τ = J_pᵀ F, commanded at p, make J_q⁻ᵀ τ at q, at most ‖J_q⁻ᵀ J_pᵀ‖ |F|. From all pairs
+/// of 5 × 5 × 5 places of the workspace and of the two where J and J⁻¹ are largest, which are
+/// climbed to from the best of 21 × 21 × 21; the change per metre from steps of 10 µm at the same
+/// places.
 /// @param jacobian_at  of a place of D: std::optional<Matrix3>, ∂position/∂angles; nothing at a
 ///                     singular place, nor where the arm cannot be, which such places border on
-/// @return             ≥ 1; infinite where the workspace has such a place, or det J another sign
+/// @return             a ratio ≥ 1; infinite where the workspace has such a place, or det J another
+///                     sign
 template <class JacobianAt>
-double held_force_ratio(const Vector3& workspace_half_extent_m, const JacobianAt& jacobian_at) {
+HeldForce held_force(const Vector3& workspace_half_extent_m, const JacobianAt& jacobian_at) {
   constexpr double kBetween = 1.02;  // places between those looked at
   constexpr int kPairs = 5;
   constexpr int kPlaces = 21;
-  const auto at = [&](const Vector3& share) {
-    return jacobian_at(Vector3(share.cwiseProduct(workspace_half_extent_m)));
+  constexpr double kStep_m = 1e-5;
+  const auto place_m = [&](const Vector3& share) {
+    return Vector3(share.cwiseProduct(workspace_half_extent_m));
   };
   /// Calls with each place of a grid, −1 … 1 on each axis, until one returns false.
   const auto each = [](int count, const auto& call) {
@@ -50,7 +60,7 @@ double held_force_ratio(const Vector3& workspace_half_extent_m, const JacobianAt
   double sign = 0.0;
   /// False: a singular place, or one beyond.
   const auto look = [&](const Vector3& share, Most& most) {
-    const std::optional<Matrix3> jacobian = at(share);
+    const std::optional<Matrix3> jacobian = jacobian_at(place_m(share));
     const double determinant = jacobian ? jacobian->determinant() : 0.0;
     if (sign == 0.0) sign = determinant;
     if (!(determinant * sign > 0.0)) return false;
@@ -63,44 +73,60 @@ double held_force_ratio(const Vector3& workspace_half_extent_m, const JacobianAt
   const auto look_at_both = [&](const Vector3& share) {
     return look(share, largest[0]) && look(share, largest[1]);
   };
-  if (!each(kPlaces, look_at_both)) return std::numeric_limits<double>::infinity();
+  if (!each(kPlaces, look_at_both)) return {};
   for (Most& most : largest) {
     for (double step = 2.0 / (kPlaces - 1); step > 1e-4;) {
       const Vector3 from = most.share;
       for (int way = 0; way < 6; ++way) {
         Vector3 share = from;
         share[way / 2] = std::clamp(share[way / 2] + (way % 2 == 0 ? step : -step), -1.0, 1.0);
-        if (!look(share, most)) return std::numeric_limits<double>::infinity();
+        if (!look(share, most)) return {};
       }
       if (most.share == from) step *= 0.5;
     }
   }
 
+  HeldForce held{.ratio = 1.0};
   std::vector<Matrix3> commanded;  // J_pᵀ
   const auto take = [&](const Vector3& share) {
-    commanded.emplace_back(at(share)->transpose());
+    const Vector3 at_m = place_m(share);
+    const Matrix3 torque_by_force = jacobian_at(at_m)->transpose();
+    commanded.push_back(torque_by_force);
+    double turning2 = 0.0;
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      const double inward_m = share[axis] > 0.0 ? -kStep_m : kStep_m;
+      const std::optional<Matrix3> beside =
+          jacobian_at(Vector3(at_m + inward_m * Vector3::Unit(axis)));
+      if (!beside) continue;
+      const Matrix3 turned = beside->transpose().inverse() * torque_by_force - Matrix3::Identity();
+      turning2 += turned.squaredNorm() / (kStep_m * kStep_m);
+    }
+    held.turning_per_m = std::max(held.turning_per_m, kBetween * std::sqrt(turning2));
     return true;
   };
   each(kPairs, take);
   for (const Most& most : largest) take(most.share);
-  double ratio = 1.0;
   for (const Matrix3& elsewhere : commanded) {
     const Matrix3 force_by_torque = elsewhere.inverse();
     for (const Matrix3& torque_by_force : commanded) {
       const Matrix3 by_force = force_by_torque * torque_by_force;
-      ratio = std::max(ratio, Eigen::JacobiSVD<Matrix3>(by_force).singularValues()[0]);
+      held.ratio =
+          std::max(held.ratio, kBetween * Eigen::JacobiSVD<Matrix3>(by_force).singularValues()[0]);
     }
   }
-  return kBetween * ratio;
+  return held;
 }
 
-/// The same of a driver whose settings say where its arm is mounted.
+/// The same of a driver whose settings say where its arm is mounted, into its specification.
 /// @param jacobian_at  as above, of a place in the frame of the arm
 template <class Config, class JacobianAt>
-double held_force_ratio_of(const Config& config, const JacobianAt& jacobian_at) {
-  return held_force_ratio(config.workspace_half_extent_m, [&](const Vector3& position_m) {
+void bound_held_force(DeviceSpecification& specification, const Config& config,
+                      const JacobianAt& jacobian_at) {
+  const HeldForce held = held_force(config.workspace_half_extent_m, [&](const Vector3& position_m) {
     return jacobian_at(Vector3(config.rotation.conjugate() * position_m + config.origin_m));
   });
+  specification.held_force_ratio = held.ratio;
+  specification.turning_per_m = held.turning_per_m;
 }
 
 /// A Jacobian of the frame of the arm, in D.

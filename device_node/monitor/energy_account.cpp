@@ -23,9 +23,11 @@ double below(double a, double b) { return a + b - kUlps * (std::abs(a) + std::ab
 
 }  // namespace
 
-EnergyAccount::EnergyAccount(const DeviceProfile& profile, double v_skew_m_per_s) noexcept
+EnergyAccount::EnergyAccount(const DeviceProfile& profile, double v_skew_m_per_s,
+                             double turning_per_m) noexcept
     : resolution_m_(profile.position_resolution_m),
       v_skew_m_per_s_(v_skew_m_per_s),
+      turning_per_m_(turning_per_m),
       isotropic_coulomb_newton_(profile.per_axis ? 0.0 : profile.coulomb_newton),
       used_(profile.per_axis ? 3 : 1) {
   if (!profile.per_axis) {
@@ -125,7 +127,7 @@ double EnergyAccount::least_release_joule(const Release& release) const noexcept
   // twice: of the readings, and of the time for which the force acted
   const double resolutions = turns ? std::sqrt(3.0) : F.lpNorm<1>() / newton;
   const double c =
-      0.5 * resolution_m_ * resolutions + 2.0 * v_skew_m_per_s_ * std::max(skew_s_, next_skew_s_);
+      0.5 * resolution_m_ * resolutions + 2.0 * skew_m(std::max(skew_s_, next_skew_s_));
   double joule = -newton * (b + c);
   if (newton >= 2.0 * isotropic_coulomb_newton_) {
     // there and back again
@@ -145,7 +147,7 @@ double EnergyAccount::joule() const noexcept {
   };
   add(work_joule_);
   add(-0.5 * resolution_m_ * ((held_newton_ + turned_newton_).lpNorm<1>() + held_change_newton_));
-  add(-(skewed_joule_ + v_skew_m_per_s_ * skew_s_ * (last_force_newton_ + turned_newton_).norm()));
+  add(-(skewed_joule_ + skew_m(skew_s_) * (last_force_newton_ + turned_newton_).norm()));
   for (std::size_t i = 0; i < used_; ++i) {
     const Path& path = paths_[i];
     add(path.closed_viscous_joule + path.viscous_joule(window_moved_m()));
@@ -156,8 +158,7 @@ double EnergyAccount::joule() const noexcept {
 void EnergyAccount::change_force(const Vector3& force_newton) noexcept {
   if (force_newton == last_force_newton_ && turned_newton_.isZero(0.0)) return;
   has_worked_ = true;
-  skewed_joule_ +=
-      v_skew_m_per_s_ * skew_s_ * (force_newton - last_force_newton_ - turned_newton_).norm();
+  skewed_joule_ += skew_m(skew_s_) * (force_newton - last_force_newton_ - turned_newton_).norm();
   skewed_joule_ *= 1.0 + kUlps;
   last_force_newton_ = force_newton;
 }

@@ -31,7 +31,9 @@ namespace palpate::device {
 class EnergyAccount {
  public:
   /// @param v_skew_m_per_s  v: finite
-  explicit EnergyAccount(const DeviceProfile& profile, double v_skew_m_per_s = 0.0) noexcept;
+  /// @param turning_per_m   κ: a force that is v s away is up to κ v s larger
+  explicit EnergyAccount(const DeviceProfile& profile, double v_skew_m_per_s = 0.0,
+                         double turning_per_m = 0.0) noexcept;
 
   /// M = joule at this reading; what was before no longer counts.
   void restart(const Vector3& position_m, double joule) noexcept;
@@ -72,6 +74,7 @@ class EnergyAccount {
   void list(Archive& archive) {
     archive(resolution_m_);
     archive(v_skew_m_per_s_);
+    archive(turning_per_m_);
     archive(isotropic_coulomb_newton_);
     for (Path& path : paths_) path.list(archive);
     archive(used_);
@@ -123,6 +126,11 @@ class EnergyAccount {
     [[nodiscard]] double viscous_joule(const Vector3& window_moved_m) const noexcept;
   };
 
+  /// What a change of force by 1 N costs, of which the reading may be s old.
+  [[nodiscard]] double skew_m(double skew_s) const noexcept {
+    const double way_m = v_skew_m_per_s_ * skew_s;
+    return way_m * (1.0 + turning_per_m_ * way_m);
+  }
   void finish_reading() noexcept;
   void change_force(const Vector3& force_newton) noexcept;
   void hold(const Vector3& position_m) noexcept;
@@ -134,6 +142,7 @@ class EnergyAccount {
 
   double resolution_m_;
   double v_skew_m_per_s_;
+  double turning_per_m_;
   double isotropic_coulomb_newton_;  // 0 with friction per axis
   std::array<Path, 3> paths_;
   std::size_t used_;

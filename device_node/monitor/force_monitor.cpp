@@ -76,7 +76,7 @@ void ForceMonitor::read(TimePoint at, const Vector3& position_m,
   // less all that the acting force can draw until it is replaced
   credit_joule_ = joule();
   const double rest_s = to_seconds(std::min(reply_, first_end_ - at)) + skew_s_;
-  if (rest_s > 0.0) credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
+  if (rest_s > 0.0) credit_joule_ -= most_joule(acting_newton_, rest_s);
 }
 
 void ForceMonitor::ended(const Vector3& position_m) noexcept {
@@ -93,7 +93,11 @@ void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
   // more than was covered: motors that round up, a transfer that took longer than the one before
   const double drain = worst_hand_.drain_watt(force_on_hand_newton);
   if (drain > covered_watt_) credit_joule_ -= to_seconds(lease) * (drain - covered_watt_);
-  if (skew_s_ > expected_skew_s) credit_joule_ -= (skew_s_ - expected_skew_s) * drain;
+  if (skew_s_ > expected_skew_s) {
+    const double lease_s = to_seconds(lease);
+    credit_joule_ -= most_joule(force_on_hand_newton, lease_s + skew_s_) -
+                     most_joule(force_on_hand_newton, lease_s + expected_skew_s);
+  }
   acts(force_on_hand_newton);
   first_end_ = at + lease;
   last_end_ = ends_.are_by_themselves ? first_end_ : TimePoint::max();
@@ -102,8 +106,7 @@ void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
 /// Until the switch is complete, both forces may act within the skew: no floor without them.
 void ForceMonitor::acts(const Vector3& force_on_hand_newton) noexcept {
   if (skew_s_ > 0.0 && force_on_hand_newton != acting_newton_) {
-    floor_joule_ -= skew_s_ * (worst_hand_.drain_watt(acting_newton_) +
-                               worst_hand_.drain_watt(force_on_hand_newton));
+    floor_joule_ -= most_joule(acting_newton_, skew_s_) + most_joule(force_on_hand_newton, skew_s_);
   }
   acting_newton_ = force_on_hand_newton;
 }
@@ -135,20 +138,21 @@ void ForceMonitor::lost() noexcept {
 double ForceMonitor::coverable_joule() const noexcept {
   const double now_joule = joule();
   if (skew_s_ == 0.0) return now_joule;
-  return now_joule - skew_s_ * (worst_hand_.drain_watt(acting_newton_) +
-                                worst_hand_.drain_watt(Vector3(most_newton_, 0.0, 0.0)));
+  return now_joule - most_joule(acting_newton_, skew_s_) -
+         most_joule(Vector3(most_newton_, 0.0, 0.0), skew_s_);
 }
 
 ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
                                           Duration lease) noexcept {
   Covered covered{.force_on_hand_newton = force_on_hand_newton, .lease = lease};
   const double drain = covered_watt_ = worst_hand_.drain_watt(force_on_hand_newton);
-  const double counted_joule = (to_seconds(lease) + skew_s_ - kLeaseRoundingS) * drain;
+  const double turning = turning_joule(force_on_hand_newton, to_seconds(lease) + skew_s_);
+  const double counted_joule = (to_seconds(lease) + skew_s_ - kLeaseRoundingS) * drain + turning;
   if (drain == 0.0 || counted_joule <= credit_joule_ + kRoundingJoule) {
-    credit_joule_ -= (to_seconds(lease) + skew_s_) * drain;
+    credit_joule_ -= most_joule(force_on_hand_newton, to_seconds(lease) + skew_s_);
     return covered;
   }
-  const double left = std::max(0.0, credit_joule_);
+  const double left = std::max(0.0, credit_joule_ - turning);
   covered.is_reduced = true;
   covered.lease =
       std::max(std::min(lease, hold_),
@@ -156,7 +160,7 @@ ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
   covered.force_on_hand_newton *=
       worst_hand_.largest_scale(force_on_hand_newton, left / (to_seconds(covered.lease) + skew_s_));
   covered_watt_ = worst_hand_.drain_watt(covered.force_on_hand_newton);
-  credit_joule_ -= left;  // all of it is spent; a debt stays
+  credit_joule_ = std::min(credit_joule_, 0.0);  // all of it is spent; a debt stays
   return covered;
 }
 
@@ -188,11 +192,10 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
   const bool is_end_unseen = first_end_ < at && !is_idle;
   double most_drawn_joule = 0.0;
   if (!is_idle) {
-    const double drain = is_end_unseen ? drain_elsewhere_watt(acting_newton_)
-                                       : worst_hand_.drain_watt(acting_newton_);
-    most_drawn_joule = (acted_at_most_s + worst_skew_s) * drain +
-                       std::max(0.0, details.turning_joule) +
-                       v_skew_m_per_s_ * worst_skew_s * details.turned_newton.norm();
+    const double most_s = acted_at_most_s + worst_skew_s;
+    most_drawn_joule = std::max(0.0, details.turning_joule) +
+                       (is_end_unseen ? most_s * drain_elsewhere_watt(acting_newton_)
+                                      : most_joule(acting_newton_, most_s));
   }
   floor_joule_ = joule();
   if (most_drawn_joule > 0.0) {

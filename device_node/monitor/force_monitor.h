@@ -66,6 +66,7 @@ struct MotorEnds {
   double reach_m = std::numeric_limits<double>::infinity();
   /// DeviceSpecification::held_force_ratio: what a force is elsewhere, if its end is not seen.
   double held_ratio = 1.0;
+  double turning_per_m = 0.0;  ///< DeviceSpecification::turning_per_m
 };
 
 /// What a reading says beside the position.
@@ -99,8 +100,8 @@ struct ReadingDetails {
 class ForceMonitor {
  public:
   explicit ForceMonitor(const DeviceConfig& config, const MotorEnds& ends = {}) noexcept
-      : lasting_(config.profile, v_skew(config)),
-        recent_(config.profile, v_skew(config)),
+      : lasting_(config.profile, v_skew(config), ends.turning_per_m),
+        recent_(config.profile, v_skew(config), ends.turning_per_m),
         bound_(config, ends.are_by_themselves),
         resolution_m_(config.profile.position_resolution_m),
         v_skew_m_per_s_(v_skew(config)),
@@ -108,6 +109,7 @@ class ForceMonitor {
         most_newton_(config.peak_force_newton),
         reply_(config.reply),
         hold_(config.lease),
+        period_s_(1.0 / config.rate_hz),
         ends_(ends) {}
 
   /// The reading of a tick. What follows in the tick is paid from the credit at this reading.
@@ -165,9 +167,11 @@ class ForceMonitor {
     archive(most_newton_);
     archive(reply_);
     archive(hold_);
+    archive(period_s_);
     archive(ends_.are_by_themselves);
     archive(ends_.reach_m);
     archive(ends_.held_ratio);
+    archive(ends_.turning_per_m);
     archive(is_lost_);
     archive(since_);
     archive(acting_newton_);
@@ -191,6 +195,18 @@ class ForceMonitor {
   }
   void settle(TimePoint at, const Vector3& position_m, const ReadingDetails& details) noexcept;
   void acts(const Vector3& force_on_hand_newton) noexcept;
+  /// What this force can draw within that time: t D(F), and of held currents κ |F| v² t (t + T)
+  /// more, as the arm turns from where it was a period T before [J].
+  [[nodiscard]] double most_joule(const Vector3& force_newton, double duration_s) const noexcept {
+    const double drain = worst_hand_.drain_watt(force_newton);
+    return drain == 0.0 ? 0.0 : duration_s * drain + turning_joule(force_newton, duration_s);
+  }
+  [[nodiscard]] double turning_joule(const Vector3& force_newton,
+                                     double duration_s) const noexcept {
+    const double way_m = v_skew_m_per_s_ * duration_s;
+    return ends_.turning_per_m * force_newton.norm() * way_m *
+           (way_m + v_skew_m_per_s_ * period_s_);
+  }
   /// D of a force that may have ended anywhere, or become another one there [W].
   [[nodiscard]] double drain_elsewhere_watt(const Vector3& force_newton) const noexcept {
     if (force_newton.isZero(0.0)) return 0.0;
@@ -208,6 +224,7 @@ class ForceMonitor {
   double most_newton_;
   Duration reply_;
   Duration hold_;
+  double period_s_;
   MotorEnds ends_;
 
   bool is_lost_ = true;

@@ -44,7 +44,7 @@ class HapiDevice final : public WireDevice {
         config.encoder_offsets_deg[0], config.encoder_offsets_deg[1]);
     specification.calibration = text.data();
     specification.answers_uncalibrated = false;
-    specification.held_force_ratio = held_force_ratio_of(config, [this](const Vector3& handle_m) {
+    bound_held_force(specification, config, [this](const Vector3& handle_m) {
       return hapi_jacobian(links_, links_.angles_rad(handle_m.head<2>()));
     });
     set_specification(std::move(specification));

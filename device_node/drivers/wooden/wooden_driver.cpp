@@ -69,7 +69,7 @@ class WoodenDevice final : public WireDevice {
     DeviceSpecification specification = specified("WoodenHaptics", config);
     specification.button_count = 1;
     specification.calibration = kCalibration;
-    specification.held_force_ratio = held_force_ratio_of(config, [this](const Vector3& handle_m) {
+    bound_held_force(specification, config, [this](const Vector3& handle_m) {
       const std::optional<Vector3> angles_rad = drive_.arm.angles_rad(handle_m);
       return angles_rad ? drive_.arm.jacobian(*angles_rad) : std::nullopt;
     });

@@ -64,17 +64,16 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
       return std::optional<Matrix3>(gain(hand_m).cwiseInverse().asDiagonal());
     };
     const Vector3 half_extent_m = half_extent(parts.run);
-    set_specification(
-        {.model_name = "arm with vices",
-         .workspace_half_extent_m = half_extent_m,
-         .peak_force_newton = kPeakNewton,
-         .continuous_force_newton = kPeakNewton,
-         .position_resolution_m = parts.simulated.position_resolution_m,
-         .button_count = 1,
-         .has_motor_watchdog = books == Books::kSimple,
-         .held_force_ratio = parts.run.bounds_held_currents
-                                 ? device::held_force_ratio(half_extent_m, jacobian_at)
-                                 : 1.0});
+    const device::HeldForce held = device::held_force(half_extent_m, jacobian_at);
+    set_specification({.model_name = "arm with vices",
+                       .workspace_half_extent_m = half_extent_m,
+                       .peak_force_newton = kPeakNewton,
+                       .continuous_force_newton = kPeakNewton,
+                       .position_resolution_m = parts.simulated.position_resolution_m,
+                       .button_count = 1,
+                       .has_motor_watchdog = books == Books::kSimple,
+                       .held_force_ratio = parts.run.bounds_held_currents ? held.ratio : 1.0,
+                       .turning_per_m = parts.run.bounds_held_currents ? held.turning_per_m : 0.0});
     set_calibrated();
   }
 

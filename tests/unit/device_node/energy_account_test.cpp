@@ -236,6 +236,56 @@ TEST(EnergyAccount, AReadingThatIsNotOfTheSwitchCostsWhatAHandMovesMeanwhile) {
   EXPECT_NEAR(account.joule(), -(2.0 + 1.0 + 1.0) * 5e-4, 1e-12);
 }
 
+// The arm has turned: the same force needs other currents, and each message changes it by 0.2 N.
+// 0.5 mm, and 2 % more because a force 0.5 mm away is 20 % · 0.1 larger.
+TEST(EnergyAccount, ASteadyForceOfCurrentsThatTurnIsChargedWithWhatEachMessageChanges) {
+  EnergyAccount account(
+      {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 0.0}, 0.5,
+      40.0);
+  const Vector3 force_newton(2, 0, 0);
+  account.next_reading(1e-3, 0.0, Vector3::Zero());
+  account.restart(Vector3::Zero(), 0.0);
+  for (int i = 0; i < 3; ++i) {
+    account.next_reading(1e-3, 0.0, Vector3(0, 0.2, 0));
+    account.book(1e-3, force_newton, Vector3::Zero());
+  }
+  const double begin_and_end_newton = 2.0 + Vector3(2, 0.2, 0).norm();
+  EXPECT_NEAR(account.joule(), -(begin_and_end_newton + 2 * 0.2) * 5e-4 * 1.02, 1e-12);
+}
+
+// Encoder steps of 1 mm: |G|₁ at the begin, at the end, and what each message changes.
+TEST(EnergyAccount, StepsOfTheEncoderAreChargedWithWhatEachMessageChanges) {
+  EnergyAccount account(
+      {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 1e-3});
+  account.restart(Vector3::Zero(), 0.0);
+  for (int i = 0; i < 3; ++i) {
+    account.next_reading(0.0, 0.0, Vector3(0, 0.2, 0));
+    account.book(1e-3, Vector3(2, 0, 0), Vector3::Zero());
+  }
+  EXPECT_NEAR(account.joule(), -0.5e-3 * (2.0 + 2.2 + 2 * 0.2), 1e-12);
+}
+
+// 2 N that are up to 3 N elsewhere, and end nobody knows where: 3 N over all of the way there.
+TEST(EnergyAccount, AnEndThatNobodySeesOfCurrentsThatTurnCostsTheMostTheyCanBe) {
+  EnergyAccount account = account_at_0(0.0, 0.0, 0.0);
+  const auto booked = [&](double held_ratio, const Vector3& end_m) {
+    account.restart(Vector3::Zero(), 0.0);
+    account.book_release({.force_on_hand_newton = Vector3(2, 0, 0),
+                          .acted_s = 1e-3,
+                          .acted_at_most_s = 9e-3,
+                          .duration_s = 10e-3,
+                          .position_at_end_m = end_m,
+                          .v_max_m_per_s = 1.0,
+                          .held_ratio = held_ratio,
+                          .most_drawn_joule = kInfinite});
+    return account.joule();
+  };
+  EXPECT_NEAR(booked(1.0, Vector3::Zero()), -2.0 * 5e-3, 1e-12);
+  EXPECT_NEAR(booked(1.5, Vector3::Zero()), -3.0 * 5e-3, 1e-12);
+  EXPECT_NEAR(booked(1.5, Vector3(0, 2e-3, 0)), -3.0 * 6e-3, 1e-12) << "whatever the direction";
+  EXPECT_EQ(booked(kInfinite, Vector3::Zero()), 0.0) << "not known: no credit is left";
+}
+
 // 1 m in 1 s, the first reading up to 1 s older: 2 s. 0.1 N·s/m · 1 m² / 2 s.
 TEST(EnergyAccount, AReadingThatMayBeOlderCountsLessViscousLoss) {
   EnergyAccount account(

@@ -316,6 +316,18 @@ TEST(HapiDriver, AWorkspaceThatEndsAtAStretchedArmHasNoBoundOfHeldCurrents) {
   EXPECT_EQ(device->specification().held_force_ratio, std::numeric_limits<double>::infinity());
 }
 
+// The fold of an arm is a hole of 20 mm around its motor, between places 25 and 32 mm apart.
+TEST(HapiDriver, AFoldedArmBetweenThePlacesOfACoarseGridHasNoBoundEither) {
+  const ManualClock clock;
+  const EmulatedHapi emulated(clock);
+  HapiConfig config = emulated.config();
+  config.origin_m.y() = 0.06;
+  config.workspace_half_extent_m = Vector3(0.03, 0.001, 0.04);
+  const auto device = open_hapi(config, clock, {});
+  ASSERT_TRUE(device->calibrate());
+  EXPECT_GT(device->specification().held_force_ratio, 1000.0);
+}
+
 TEST(HapiDriver, AFileThatIsNoPortIsRefused) {
   const ManualClock clock;
   HapiConfig config = upright_pantograph();
