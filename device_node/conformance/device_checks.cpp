@@ -455,7 +455,8 @@ constexpr std::array kChecks{
                 watched<check_direction>},
     DeviceCheck{"lag",
                 "pass on the position of this transfer, never an older one; say in skew how much "
-                "older than its stamp it may be",
+                "older than its stamp it may be, and in device.latency_us what filters, buffers "
+                "and motors add",
                 watched<check_lag>},
     DeviceCheck{"force", "convert to newtons at the tool tip", watched<check_force>},
     DeviceCheck{"applied",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lag_check.h — is a position as young as its stamp and its skew say?
+// lag_check.h — is a position as young as its stamp, its skew and the latency of the session say?
 #pragma once
 
 #include "device_node/conformance/device_checks.h"
@@ -12,8 +12,8 @@ namespace palpate::device {
 ///
 ///   d = (t − s T) / (1 − s) ,   s = √(x(t)/x(T))
 ///
-/// Fails where the least d of six pushes exceeds the skew by more than 1 ms and the tolerance of
-/// stamps.
+/// Fails where the least d of six pushes exceeds the skew and the latency of the session by more
+/// than 1 ms and the tolerance of stamps.
 [[nodiscard]] CheckOutcome check_lag(DeviceBench& bench);
 
 }  // namespace palpate::device

@@ -29,7 +29,8 @@ CheckOutcome check_motors(DeviceBench& bench) {
   MotorCheck check({.rate_hz = 1.0 / to_seconds(period),
                     .profile = profile,
                     .force_axes = specification.force_axes,
-                    .limit_newton = gentle_newton(bench)});
+                    .limit_newton = gentle_newton(bench),
+                    .latency = bench.latency()});
   TimePoint next_at = bench.clock().now();
   DeviceSample reading;
   DeviceSample at_switch;
