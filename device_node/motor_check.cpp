@@ -248,7 +248,12 @@ double MotorCheck::gain_along(const Complex& along) const noexcept {
   const double viscous = friction_along(axis, profile_.viscous_newton_s_per_m,
                                         per_axis ? &per_axis->viscous_newton_s_per_m : nullptr);
   const double omega = omega_rad_per_s_;
-  const double work_watt = -0.5 * omega * force_newton_ * force_newton_ * along.imag();
+  // late by some part of the latency: by the one for which the gain is least
+  const double middle_rad =
+      kMiddleLag_rad - std::arg(along * std::exp(1i * (lag_rad_ + kMiddleLag_rad)));
+  const double lag_rad =
+      std::clamp(std::numbers::pi / 2.0, middle_rad - lag_rad_, middle_rad + lag_rad_);
+  const double work_watt = 0.5 * omega * force_newton_ * amplitude_m * std::sin(lag_rad);
   if (!(work_watt > 0.0)) return 0.0;
   return (2.0 * coulomb * amplitude_m * omega / std::numbers::pi +
           0.5 * viscous * omega * omega * amplitude_m * amplitude_m) /

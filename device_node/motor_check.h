@@ -47,7 +47,8 @@ enum class MotorVerdict : std::uint8_t {
 ///
 ///   g ≥ (4 f_co A ω/2π + f_d ω² A²/2) / (−ω |F|² Im H/2) ,   A = |H F|
 ///
-/// times as strong as told. That is close to g if nobody holds the arm, less if somebody does, and
+/// times as strong as told, where H is turned by the part of the latency that makes this bound
+/// least. That is close to g if nobody holds the arm, less if somebody does, and
 /// known only where the handle moves by no more than the push moves it.
 ///
 /// A push ends with the reading that shows that the handle went more than 5 mm along an axis of D

@@ -120,6 +120,7 @@ class StoppableBench final : public OpenedDevice {
                  const TravelWatch* travel)
       : OpenedDevice(device, clock, period, stamp_tolerance, options.profile),
         stop_(options.start_up.stop),
+        latency_(options.latency),
         limit_newton_(limit_newton),
         travel_(travel) {}
 
@@ -134,10 +135,12 @@ class StoppableBench final : public OpenedDevice {
     }
     OpenedDevice::pass(time);
   }
+  [[nodiscard]] Duration latency() const override { return latency_; }
   [[nodiscard]] double limit_newton() const override { return limit_newton_; }
 
  private:
   std::stop_token stop_;
+  Duration latency_;
   double limit_newton_;
   const TravelWatch* travel_;  // of a real device
 };
@@ -181,6 +184,7 @@ std::vector<ConformFinding> conform_device(const Session& session,
   const DeviceConfig& device = session.side().device;
   ConformDeviceOptions of_session = options;
   of_session.profile = device.profile;
+  of_session.latency = device.latency;
   of_session.peak_force_newton = device.peak_force_newton;
   of_session.accepts_no_watchdog = device.accepts_no_motor_watchdog;
   of_session.realtime = session.side().realtime;

@@ -28,6 +28,7 @@ struct ConformDeviceOptions {
   device::StartUp start_up = {};
   /// What the session claims of the device; none: no gain is judged.
   std::optional<DeviceProfile> profile = {};
+  Duration latency{};
   /// No push is stronger; none is stronger than 1 N if the motors of hardware have no watchdog,
   /// unless `accepts_no_watchdog`.
   double peak_force_newton = std::numeric_limits<double>::infinity();

@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "device_node/conformance/check_outcome.h"
-#include "device_node/conformance/lease_check.h"
+#include "device_node/conformance/force_end_check.h"
+#include "device_node/conformance/lag_check.h"
 #include "device_node/conformance/motors_check.h"
 #include "device_node/conformance/pushes.h"
 #include "device_node/conformance/reopen_check.h"
@@ -27,8 +28,7 @@ constexpr const char* kNoForceSeen = "the driver does not tell the force of its 
 constexpr double kForceTolerance = 0.02;   // of the force …
 constexpr double kForceFloorNewton = 0.1;  // … and of this
 constexpr int kExchanges = 200;            // whose median is the pace
-constexpr double kPush_m = 1e-3;           // a push along one axis ends here …
-constexpr Duration kLongestPush = 60ms;    // … or after this time
+constexpr double kPush_m = 1e-3;           // a push along one axis ends here
 constexpr double kLeastAlong = 0.5;        // cosine of motion and force
 constexpr Duration kMostSkew = 1s;         // of a reading and its switch
 
@@ -225,7 +225,7 @@ CheckOutcome check_lease(DeviceBench& bench) {
     bench.pass(6ms);
     return expect_motors(bench, Vector3::Zero(), "1 ms after the lease");
   }
-  return check_lease_by_motion(bench);
+  return check_ends_by_motion(bench, {PushEnd::kLease});
 }
 
 /// Without a watchdog the reading says what acts: the force within its lease, none after it.
@@ -253,7 +253,7 @@ CheckOutcome check_reported_force(DeviceBench& bench) {
   CheckOutcome ended =
       bench.motor_force_newton()
           ? expect_motors(bench, Vector3::Zero(), "after the first reading behind the lease")
-          : check_lease_by_motion(bench);
+          : check_ends_by_motion(bench, {PushEnd::kLease});
   if (ended.verdict != CheckVerdict::kGood) return ended;
   return good("the force within the lease, none after it: " + ended.text);
 }
@@ -299,11 +299,18 @@ CheckOutcome check_renewal(DeviceBench& bench) {
 
 CheckOutcome check_no_lease(DeviceBench& bench) {
   const Limp at_the_end(bench.device());
-  if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
-  if (!apply(bench, gentle_force_newton(bench), Duration(-1))) {
-    return failed("apply() refused a lease below zero: it means no force");
+  CheckOutcome after;
+  for (const Duration none : {Duration(0), Duration(-1)}) {
+    if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
+    if (!apply(bench, gentle_force_newton(bench), none)) {
+      return failed("apply() refused a lease of zero or less: it means no force");
+    }
+    after = expect_motors(bench, Vector3::Zero(), "with a lease of zero or less");
+    if (after.verdict == CheckVerdict::kFailed) return after;
   }
-  return expect_motors(bench, Vector3::Zero(), "with a lease below zero");
+  if (after.verdict == CheckVerdict::kGood) return after;
+  static_cast<void>(bench.device().release());
+  return check_ends_by_motion(bench, {PushEnd::kZeroLease, PushEnd::kNegativeLease});
 }
 
 CheckOutcome check_peak(DeviceBench& bench) {
@@ -327,6 +334,9 @@ CheckOutcome check_release(DeviceBench& bench) {
   if (!bench.device().release()) return failed("release() says that the motors did not confirm it");
   CheckOutcome after = expect_motors(bench, Vector3::Zero(), "after release()");
   if (after.verdict == CheckVerdict::kFailed) return after;
+  if (after.verdict == CheckVerdict::kNotObservable) {
+    return check_ends_by_motion(bench, {PushEnd::kRelease});
+  }
   if (!apply(bench, gentle_force_newton(bench), 20ms)) {
     return failed("apply() refused a force after release()");
   }
@@ -351,24 +361,13 @@ CheckOutcome check_not_finite(DeviceBench& bench) {
 
 CheckOutcome check_direction(DeviceBench& bench) {
   const Limp at_the_end(bench.device());
-  const double step_m = bench.device().specification().position_resolution_m;
-  const double seen_m = kSeenToMove_m + 4.0 * step_m;
+  const double seen_m = least_seen_m(bench);
   int seen = 0;
   for (int i = 0; i < 6; ++i) {
     const Vector3 along = (i % 2 == 0 ? 1.0 : -1.0) * Vector3::Unit(i / 2);
-    const std::optional<Vector3> coasting_m_per_s = come_to_rest(bench, step_m);
-    DeviceSample from;
-    if (!coasting_m_per_s || !bench.device().read(from)) return failed(kNoReading);
-    Vector3 moved_m = Vector3::Zero();
-    for (Duration t{}; t < kLongestPush && moved_m.norm() < kPush_m + seen_m; t += 1ms) {
-      if (!apply(bench, gentle_newton(bench) * along, 3ms)) return failed(kRefused);
-      bench.pass(1ms);
-      DeviceSample now;
-      if (!bench.device().read(now)) return failed(kNoReading);
-      moved_m = now.hand_position_m - from.hand_position_m -
-                to_seconds(now.sampled_at - from.sampled_at) * *coasting_m_per_s;
-    }
-    static_cast<void>(bench.device().release());
+    const auto moved = push_away(bench, gentle_newton(bench) * along, kPush_m + seen_m);
+    if (moved.empty()) return failed(kNoExchange);
+    const Vector3& moved_m = moved.back().moved_m;
     if (moved_m.norm() < seen_m) continue;
     ++seen;
     if (moved_m.dot(along) < kLeastAlong * moved_m.norm()) {
@@ -376,7 +375,7 @@ CheckOutcome check_direction(DeviceBench& bench) {
                     " moves it by " + text_of(moved_m, 1e3, "mm"));
     }
   }
-  if (seen == 0) return not_observable("it does not move: does somebody hold it?");
+  if (seen == 0) return not_observable(kNoMotion);
   return good(fmt::format("{} of 6 pushes moved it, each along the force", seen));
 }
 
@@ -454,6 +453,11 @@ constexpr std::array kChecks{
                 "give positions and forces in one frame, D of common/core/messages.h; mind the "
                 "signs and the order of the axes",
                 watched<check_direction>},
+    DeviceCheck{"lag",
+                "pass on the position of this transfer, never an older one; say in skew how much "
+                "older than its stamp it may be, and in device.latency_us what filters, buffers "
+                "and motors add",
+                watched<check_lag>},
     DeviceCheck{"force", "convert to newtons at the tool tip", watched<check_force>},
     DeviceCheck{"applied",
                 "give applied_force_newton of a switch, as the motors limit and quantise it",

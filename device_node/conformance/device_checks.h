@@ -35,6 +35,8 @@ class DeviceBench {
   [[nodiscard]] virtual DeviceProfile profile() const {
     return {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 0.0};
   }
+  /// Of positions and forces together, beyond the skew, that the session claims.
+  [[nodiscard]] virtual Duration latency() const { return {}; }
   /// No check asks for more force. Below the peak force of the device its limit is not checked.
   [[nodiscard]] virtual double limit_newton() const {
     return std::numeric_limits<double>::infinity();

@@ -29,37 +29,35 @@ CheckOutcome check_motors(DeviceBench& bench) {
   MotorCheck check({.rate_hz = 1.0 / to_seconds(period),
                     .profile = profile,
                     .force_axes = specification.force_axes,
-                    .limit_newton = gentle_newton(bench)});
+                    .limit_newton = gentle_newton(bench),
+                    .latency = bench.latency()});
   TimePoint next_at = bench.clock().now();
+  DeviceSample reading;
+  DeviceSample at_switch;
+  // a tick of device_node: the force follows from the reading
+  const auto tick = [&](const auto& force_newton) {
+    if (!bench.device().read(reading)) return false;
+    if (!bench.device().apply(force_newton(), 3 * period, at_switch)) return false;
+    next_at += period;
+    if (next_at > bench.clock().now()) bench.pass(next_at - bench.clock().now());
+    return true;
+  };
   // other checks left it moving: a handle that goes further than a push could looks like one pushed
   const TimePoint rest_by = next_at + kLongestDrift;
   TimePoint still_since = next_at;
   Vector3 still_m = Vector3::Zero();
   while (next_at < rest_by && next_at - still_since < kStill) {
-    DeviceSample reading;
-    DeviceSample at_switch;
-    if (!bench.device().read(reading)) return failed("read() gave nothing");
+    if (!tick([] { return Vector3(Vector3::Zero()); })) return failed(kNoExchange);
     if ((reading.hand_position_m - still_m).cwiseAbs().maxCoeff() > 0.1 * MotorCheck::kFarthest_m) {
       still_m = reading.hand_position_m;
       still_since = next_at;
     }
-    if (!bench.device().apply(Vector3::Zero(), 3 * period, at_switch)) {
-      return failed("apply() refused to give no force");
-    }
-    next_at += period;
-    if (next_at > bench.clock().now()) bench.pass(next_at - bench.clock().now());
   }
   while (check.verdict() == MotorVerdict::kChecking) {
-    DeviceSample reading;
-    DeviceSample at_switch;
-    if (!bench.device().read(reading)) return failed("read() gave nothing");
-    if (!bench.device().apply(check.next(reading.sampled_at, reading.hand_position_m), 3 * period,
-                              at_switch)) {
-      return failed("apply() refused a small push");
+    if (!tick([&] { return check.next(reading.sampled_at, reading.hand_position_m); })) {
+      return failed(kNoExchange);
     }
     check.applied(at_switch.applied_force_newton);
-    next_at += period;
-    if (next_at > bench.clock().now()) bench.pass(next_at - bench.clock().now());
   }
   const std::string axis = text_of(check.axis(), 1.0, "");
   switch (check.verdict()) {

@@ -13,7 +13,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kAway_m = 2e-3;
-constexpr Duration kLongestAway = 60ms;
 constexpr Duration kWithin = 1s;
 constexpr double kOffAtMost = 0.5;  // of the way that the push moved it
 
@@ -22,19 +21,12 @@ constexpr double kOffAtMost = 0.5;  // of the way that the push moved it
 CheckOutcome check_reopen(DeviceBench& bench) {
   HapticDevice& device = bench.device();
   const Limp at_the_end(device);
-  const double step_m =
-      std::max(device.specification().position_resolution_m, bench.profile().position_resolution_m);
+  const double seen_m = least_seen_m(bench);
   DeviceSample first;
   DeviceSample before;
   if (!device.read(first)) return failed(kNoReading);
-  before = first;
-  for (Duration t{}; t < kLongestAway; t += 1ms) {
-    if (!device.apply(gentle_force_newton(bench), 3ms, before)) return failed("apply() failed");
-    bench.pass(1ms);
-    if ((before.hand_position_m - first.hand_position_m).norm() > kAway_m) break;
-  }
-  if (!device.release()) return failed("release() failed");
-  const std::optional<Vector3> drift_m_per_s = come_to_rest(bench, step_m);
+  if (push_away(bench, gentle_force_newton(bench), kAway_m).empty()) return failed(kNoExchange);
+  const std::optional<Vector3> drift_m_per_s = come_to_rest(bench);
   if (!drift_m_per_s || !device.read(before)) return failed(kNoReading);
 
   if (!device.reopen(kWithin)) return failed("reopen() failed, of a device that answered");
@@ -46,13 +38,11 @@ CheckOutcome check_reopen(DeviceBench& bench) {
   const Vector3 off_m = after.hand_position_m - before.hand_position_m -
                         to_seconds(after.sampled_at - before.sampled_at) * drift_m_per_s.value();
   const double moved_m = (before.hand_position_m - first.hand_position_m).norm();
-  if (off_m.norm() > kOffAtMost * std::max(moved_m, kSeenToMove_m + 4.0 * step_m)) {
+  if (off_m.norm() > kOffAtMost * std::max(moved_m, seen_m)) {
     return failed("it is " + text_of(off_m, 1e3, "mm") +
                   " from where it was, and says that it is calibrated");
   }
-  if (moved_m < kSeenToMove_m + 4.0 * step_m) {
-    return not_observable("it does not move: does somebody hold it?");
-  }
+  if (moved_m < seen_m) return not_observable(kNoMotion);
   return good(
       fmt::format("{:.2g} mm from where it was opened, it knows where it is", 1e3 * moved_m));
 }

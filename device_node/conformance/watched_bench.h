@@ -24,6 +24,7 @@ class WatchedBench final : public DeviceBench, private HapticDevice {
     return bench_.motor_force_newton();
   }
   [[nodiscard]] DeviceProfile profile() const override { return bench_.profile(); }
+  [[nodiscard]] Duration latency() const override { return bench_.latency(); }
   [[nodiscard]] double limit_newton() const override { return bench_.limit_newton(); }
   [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
     return bench_.allocations();

@@ -5,12 +5,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdlib>
 #include <map>
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "device_node/simulation/simulated_device.h"
 #include "tests/property/seeds.h"
@@ -77,7 +81,17 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     if (is("twice as strong")) sent *= 2.0;
     const Duration named = lease;
     if (is("no watchdog") || names_its_force()) lease = lease > Duration::zero() ? 10s : lease;
-    if (is("lease below zero")) lease = std::max(lease, Duration(1ms));
+    // an unsigned count of ticks, and a watchdog that 0 switches off
+    if (is("lease below zero") && lease < Duration::zero()) lease = 10s;
+    if (is("lease of zero") && lease == Duration::zero()) lease = 10s;
+    if (is("ends at its lease only") && lease <= Duration::zero()) {
+      const bool is_read = device_.read(at_switch);  // confirms, and goes on
+      at_switch.applied_force_newton.setZero();
+      return is_read;
+    }
+    if (is("a zero that goes on") && lease > Duration::zero() && force.norm() == 0.0) {
+      return device_.read(at_switch);
+    }
     if (is("first lease only") && is_on_ && sent.norm() > 0.0) {
       return device_.read(at_switch);  // goes on, until the first lease ends
     }
@@ -97,7 +111,8 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     return is("a latch that is not named") ? device_.read(at_end) : device_.take_latched(at_end);
   }
   [[nodiscard]] bool release() noexcept override {
-    if (!is("does not release") && !device_.release()) return false;
+    const bool goes_on = is("does not release") || is("ends at its lease only");
+    if (!goes_on && !device_.release()) return false;
     is_on_ = false;
     return !is("never confirms a release");
   }
@@ -144,6 +159,14 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
       if (frozen_at_ == TimePoint{}) frozen_at_ = sample.sampled_at;
       sample.sampled_at = frozen_at_;
     }
+    if (is("positions 3 ms old") || is("no fault, a latency")) {
+      past_m_[past_count_++ % past_m_.size()] = {sample.sampled_at, sample.hand_position_m};
+      for (std::size_t i = past_count_; i-- > 0 && i + past_m_.size() > past_count_;) {
+        const auto& [at, position_m] = past_m_[i % past_m_.size()];
+        sample.hand_position_m = position_m;
+        if (at <= sample.sampled_at - 3ms) break;
+      }
+    }
     if (is("stands still")) sample.hand_position_m = Vector3(0.01, 0, 0);
     if (is("follows nothing")) sample.hand_position_m = Vector3(++reads_ % 2 * 1e-4, 0, 0);
     if (is("stamps go back")) sample.sampled_at -= std::chrono::microseconds(200 * ++reads_);
@@ -163,6 +186,8 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   double over_ = 1.0;
   bool is_on_ = false;
   int reads_ = 0;
+  std::array<std::pair<TimePoint, Vector3>, 256> past_m_{};
+  std::size_t past_count_ = 0;
   TimePoint frozen_at_{};
 };
 
@@ -173,6 +198,7 @@ class WrongUnderTest : public DeviceBench {
       : parts_(free_hand()),
         wrong_(parts_.simulated, parts_.simulated, fault),
         opened_(wrong_, parts_.time, 1ms, fault.starts_with("stamps") ? Duration(1s) : Duration{}),
+        latency_(fault == "no fault, a latency" ? Duration(3ms) : Duration{}),
         shows_motors_(shows_motors) {
     if (fault != "force at the start") return;
     DeviceSample sample;
@@ -183,6 +209,7 @@ class WrongUnderTest : public DeviceBench {
   void pass(Duration time) override { parts_.time.advance(time); }
   [[nodiscard]] Duration stamp_tolerance() const override { return opened_.stamp_tolerance(); }
   [[nodiscard]] Duration period() const override { return 1ms; }
+  [[nodiscard]] Duration latency() const override { return latency_; }
   [[nodiscard]] DeviceProfile profile() const override { return {}; }  // that of the simulation
   std::optional<Vector3> motor_force_newton() override {
     return shows_motors_ ? opened_.motor_force_newton() : std::nullopt;
@@ -199,6 +226,7 @@ class WrongUnderTest : public DeviceBench {
   Parts parts_;
   WrongDevice wrong_;
   OpenedDevice opened_;
+  Duration latency_;
   bool shows_motors_;
 };
 
@@ -239,6 +267,7 @@ TEST(DeviceChecks, NameEachFault) {
                                               {"a latch that is not there", "latch"},
                                               {"a latch that is not named", "latch"},
                                               {"lease below zero", "no lease"},
+                                              {"lease of zero", "no lease"},
                                               {"no limit at the peak", "peak"},
                                               {"does not release", "release"},
                                               {"never confirms a release", "release"},
@@ -286,21 +315,44 @@ TEST(DeviceChecks, ADeviceThatDoesNotFollowASmallPushFails) {
   }
 }
 
-// Hardware whose motors cannot be seen: by how it moves.
-TEST(DeviceChecks, SeeAWrongSignAndALeaseThatDoesNotEndByTheMotionAlone) {
-  EXPECT_EQ(outcomes_of("wrong sign", false)["direction"].verdict, CheckVerdict::kFailed);
-  EXPECT_EQ(outcomes_of("no watchdog", false)["lease"].verdict, CheckVerdict::kFailed);
-  for (const char* fault : {"wrong sign", "wrong axis", "twice as strong"}) {
-    EXPECT_EQ(outcomes_of(fault, false)["motors"].verdict, CheckVerdict::kFailed) << fault;
+// Hardware whose motors cannot be observed.
+TEST(DeviceChecks, NameTheFaultsThatTheMotionAloneShows) {
+  const std::vector<std::pair<std::string, std::string>> check_of{
+      {"wrong sign", "direction"},
+      {"wrong sign", "motors"},
+      {"wrong axis", "motors"},
+      {"positions 3 ms old", "lag"},
+      {"twice as strong", "motors"},
+      {"no watchdog", "lease"},
+      {"first lease only", "lease"},
+      {"lease below zero", "no lease"},
+      {"lease of zero", "no lease"},
+      {"does not release", "release"},
+      {"never confirms a release", "release"},
+      {"a zero that goes on", "lease"},
+      {"ends at its lease only", "no lease"},
+      {"ends at its lease only", "release"}};
+  for (const auto& [fault, check] : check_of) {
+    const CheckOutcome found = outcomes_of(fault, false)[check];
+    EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
+  }
+}
+
+TEST(DeviceChecks, ByTheMotionAloneFindNoFaultInARightDriver) {
+  for (const char* right : {"none", "no fault, no watchdog", "no fault, a latency"}) {
+    for (const auto& [name, outcome] : outcomes_of(right, false)) {
+      EXPECT_NE(outcome.verdict, CheckVerdict::kFailed)
+          << right << ": " << name << ": " << outcome.text;
+    }
   }
 }
 
 TEST(DeviceChecks, SayWhatTheyCannotSee) {
   std::map<std::string, CheckOutcome> outcomes = outcomes_of("none", false);
-  for (const char* name : {"start", "force", "renewal", "no lease", "peak", "release"}) {
+  for (const char* name : {"start", "force", "renewal", "peak"}) {
     EXPECT_EQ(outcomes[name].verdict, CheckVerdict::kNotObservable) << name;
   }
-  for (const char* name : {"direction", "lease", "not finite"}) {
+  for (const char* name : {"direction", "lease", "no lease", "release", "not finite"}) {
     EXPECT_EQ(outcomes[name].verdict, CheckVerdict::kGood) << name << outcomes[name].text;
   }
 }

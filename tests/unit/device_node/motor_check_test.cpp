@@ -202,6 +202,15 @@ TEST(MotorCheck, AGainOffByTwoIsSeenOnAFreeArm) {
 }
 
 /// Motors that are far too strong are not let go on until the blocks are full.
+// 3 ms are 17° at 16 Hz, which a mass of little friction shows as work that is too small.
+TEST(MotorCheck, ADeclaredLatencyIsNotTakenForStrength) {
+  const Setting late{.hand = hand_of(0.1, 0.0, 0.0), .latency = 3ms};
+
+  const Checked good = check(late, times(1.0));
+
+  EXPECT_EQ(good.verdict, MotorVerdict::kGood) << good.gain;
+}
+
 TEST(MotorCheck, APushThatMovesTheHandleTooFarEndsAtOnce) {
   Setting setting{.hand = device::nobody()};
   setting.simulated.mass_kg = 0.03;

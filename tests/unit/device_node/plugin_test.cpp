@@ -12,6 +12,7 @@
 #include <limits>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "common/core/check.h"
 #include "device_node/drivers/plugin/palpate_device.h"
@@ -114,6 +115,23 @@ TEST(Plugin, HeldCurrentsAndTheTimeOfATransferArePassedOn) {
   for (const char* fault : {"held less", "held no number"}) {
     EXPECT_THAT(refusal_of(PALPATE_WRONG_DEVICE, fault), HasSubstr("held_force_ratio")) << fault;
   }
+}
+
+// No plug-in says what its motors do: its motion does.
+TEST(Plugin, AReleaseThatDoesNotReleaseAndOldPositionsAreNamedByTheChecks) {
+  const auto failed_with = [](const std::string& fault) {
+    ManualClock clock;
+    const auto device = open_wrong(fault, clock);
+    OpenedDevice bench(*device, clock, std::chrono::milliseconds(1), {});
+    std::vector<std::string> failed;
+    for (const DeviceCheck& check : device_checks()) {
+      if (check.run(bench).verdict == CheckVerdict::kFailed) failed.emplace_back(check.name);
+    }
+    return failed;
+  };
+  EXPECT_THAT(failed_with(""), testing::IsEmpty());
+  EXPECT_THAT(failed_with("does not release"), testing::ElementsAre("no lease", "release"));
+  EXPECT_THAT(failed_with("positions 3 ms old"), testing::Contains("lag"));
 }
 
 TEST(Plugin, AReadingThatNoDeviceTakesReleasesTheMotors) {

@@ -35,12 +35,25 @@ static void specify_wrong(const palpate_device* d, palpate_device_specification*
   if (strcmp(fault, "held no number") == 0) out->held_force_ratio = NAN;
 }
 
+/* the newest of the readings so far that is so old */
+static void age(palpate_device_reading* out) {
+  enum { kKept = 64 };
+  static palpate_device_reading kept[kKept];
+  kept[readings % kKept] = *out;
+  for (int i = readings; i > 0 && i > readings - kKept; --i) {
+    const palpate_device_reading* const old = &kept[i % kKept];
+    memcpy(out->position_m, old->position_m, sizeof(out->position_m));
+    if (old->sampled_at_ns <= out->sampled_at_ns - 3000000) return;
+  }
+}
+
 static int read_wrong(palpate_device* d, palpate_device_reading* out) {
   const int error = read_device(d, out);
   ++readings;
   if (strcmp(fault, "exits") == 0) _exit(0);
   if (strcmp(fault, "crashes") == 0) abort();
   measure_wrong(out);
+  if (strcmp(fault, "positions 3 ms old") == 0) age(out);
   if (strcmp(fault, "not finite") == 0 && readings > 100) out->position_m[1] = NAN;
   return error;
 }
@@ -49,9 +62,17 @@ static int apply_wrong(palpate_device* d, const double force_newton[3], int64_t 
                        palpate_device_reading* at_switch) {
   if (lease_ns > 0 && strcmp(fault, "late") == 0) lease_ns += 50000000;
   if (lease_ns > 0 && strcmp(fault, "no watchdog") == 0) lease_ns = INT64_MAX / 4;
-  const int error = apply_force(d, force_newton, lease_ns, at_switch);
+  /* confirms that no force acts, while it goes on until its lease ends */
+  const int goes_on = lease_ns <= 0 && strcmp(fault, "does not release") == 0;
+  const int error =
+      goes_on ? read_device(d, at_switch) : apply_force(d, force_newton, lease_ns, at_switch);
+  if (goes_on) memset(at_switch->applied_force_newton, 0, sizeof(at_switch->applied_force_newton));
   measure_wrong(at_switch);
   return error;
+}
+
+static void release_wrong(palpate_device* d) {
+  if (strcmp(fault, "does not release") != 0) release_device(d);
 }
 
 const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
@@ -61,5 +82,6 @@ const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
   wrong.specification = specify_wrong;
   wrong.read = read_wrong;
   wrong.apply = apply_wrong;
+  wrong.release = release_wrong;
   return abi == PALPATE_DEVICE_ABI ? &wrong : NULL;
 }
