@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "common/core/check.h"
@@ -35,6 +37,35 @@ double largest_force_newton(const DeviceConfig& config,
              ? specification.peak_force_newton
              : std::min(specification.peak_force_newton,
                         config.profile.coulomb_newton / specification.held_force_ratio);
+}
+
+std::optional<FrictionLimit> friction_limit(const DeviceConfig& config,
+                                            const DeviceSpecification& specification,
+                                            const std::string& driver) {
+  if (specification.has_motor_watchdog || config.accepts_no_motor_watchdog) return std::nullopt;
+  const double newton = largest_force_newton(config, specification);
+  if (config.peak_force_newton < newton) {
+    return FrictionLimit{config.peak_force_newton, false, "device.peak_force_newton", ""};
+  }
+  FrictionLimit limit{newton, specification.held_force_ratio > 1.0,
+                      "f_co, device.profile.coulomb_newton", ""};
+  if (std::isinf(specification.held_force_ratio)) {
+    limit.why = "nothing bounds what the currents that the motors hold are elsewhere: ";
+    if (driver == "plugin") {
+      limit.why += "the library of device.plugin states no held_force_ratio";
+      limit.remedy = "if the maker of the device states one, give it in device.plugin.options";
+    } else {
+      limit.why += "the workspace reaches a singular place of the arm";
+      limit.remedy = "give a smaller device." + driver + ".mount.workspace_half_extent_m";
+    }
+  } else if (limit.is_below_friction) {
+    std::array<char, 32> ratio{};
+    std::snprintf(ratio.data(), ratio.size(), "%.3g", specification.held_force_ratio);
+    limit.why += std::string(", divided by ") + ratio.data() +
+                 ": the currents that the motors hold can be so many times that force elsewhere in "
+                 "the workspace";
+  }
+  return limit;
 }
 
 void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,

@@ -61,6 +61,19 @@ namespace palpate::device {
 [[nodiscard]] double largest_force_newton(const DeviceConfig& config,
                                           const DeviceSpecification& specification) noexcept;
 
+/// What holds the force of motors that end none by themselves to the friction.
+struct FrictionLimit {
+  double newton = 0.0;             ///< at most, by the session's peak force too
+  bool is_below_friction = false;  ///< because of what held currents can be elsewhere
+  std::string why;                 ///< for people
+  std::string remedy;              ///< likewise; empty: the limit is as it should be
+};
+/// @param driver  its name in sessions
+/// @return        nothing with a motor watchdog, or where the session accepts that there is none
+[[nodiscard]] std::optional<FrictionLimit> friction_limit(const DeviceConfig& config,
+                                                          const DeviceSpecification& specification,
+                                                          const std::string& driver);
+
 /// @throws SetupError  a real device without the monitor, unless `is_unsafe`
 void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
                         bool is_unsafe);

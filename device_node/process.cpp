@@ -236,20 +236,12 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     context.log.warn("event=no_motor_watchdog device=\"{}\": {}",
                      device->specification().model_name,
                      no_watchdog_text(config.accepts_no_motor_watchdog));
-    if (!config.accepts_no_motor_watchdog) {
-      const double newton = largest_force_newton(config, device->specification());
-      const double ratio = device->specification().held_force_ratio;
-      if (ratio > 1.0) {
-        context.log.info(
-            "event=force_limit newton={:.3g}: f_co, device.profile.coulomb_newton, divided by "
-            "{:.3g}: the currents it holds can be so many times that force elsewhere in the "
-            "workspace",
-            newton, ratio);
-      } else {
-        context.log.info("event=force_limit newton={:.3g}: f_co, device.profile.coulomb_newton",
-                         newton);
-      }
-    }
+  }
+  if (const auto limit =
+          friction_limit(config, device->specification(), driver_name(session.side().driver))) {
+    context.log.log(limit->is_below_friction ? spdlog::level::warn : spdlog::level::info,
+                    "event=force_limit newton={:.3g}: {}{}", limit->newton, limit->why,
+                    limit->remedy.empty() ? "" : "; remedy=\"" + limit->remedy + "\"");
   }
 
   if (config.skips_motor_check && !device->specification().is_simulated) {

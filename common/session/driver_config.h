@@ -52,6 +52,8 @@ struct HapiConfig {
   double rod_m = 0.07;
   double base_m = 0.02;
   double torque_gain = 0.0;                      ///< what the board is sent per N·m
+  double largest_torque_newton_m = 0.156;        ///< that the board makes, as it is sent
+  double torque_step_newton_m = 1.525e-4;        ///< likewise
   Vector3 origin_m = Vector3::Zero();            ///< of D, in the frame of the links
   Quaternion rotation = Quaternion::Identity();  ///< of the links' frame (x right, y away), in D
   Vector3 workspace_half_extent_m = Vector3::Zero();

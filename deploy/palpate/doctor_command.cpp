@@ -329,6 +329,12 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
                         .text = no_watchdog_text(side.device.accepts_no_motor_watchdog),
                         .is_note = true});
   }
+  if (const auto limit = device::friction_limit(side.device, specification, driver)) {
+    findings.push_back({.what = "force limit",
+                        .text = fmt::format("{:.3g} N: {}", limit->newton, limit->why),
+                        .remedy = limit->remedy,
+                        .is_note = limit->remedy.empty()});
+  }
   findings.push_back(examine_encoder(*device, side.device.profile));
   findings.push_back(
       {.what = "friction",

@@ -72,6 +72,12 @@ class MotorForce {
   double heat_ = 0.0;
 };
 
+/// Scales the counts of all motors together, so that none is above the largest.
+inline void scale_counts(Vector3& counts, double largest) noexcept {
+  const double most = counts.cwiseAbs().maxCoeff();
+  if (most > largest) counts *= largest / most;
+}
+
 /// Rounds the counts of three motors to whole numbers: to the nearest, or, where these would make
 /// more force than `limit_newton` or than the counts asked for, after scaling by so much that no
 /// rounding can exceed it. What is asked for is covered, and what is more would not be.

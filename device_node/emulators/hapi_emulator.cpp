@@ -99,9 +99,7 @@ void HapiEmulator::place(const DeviceSample& sample) {
 Vector3 HapiEmulator::force_newton(const Vector2& torque_newton_m,
                                    const Vector2& angles_rad) const {
   const std::optional<Matrix2> jacobian = links_.jacobian(angles_rad);
-  if (!jacobian || !torque_newton_m.allFinite() || std::abs(jacobian->determinant()) <= 1e-9) {
-    return Vector3::Zero();
-  }
+  if (!jacobian || !torque_newton_m.allFinite()) return Vector3::Zero();
   const Vector2 force = jacobian->transpose().inverse() * torque_newton_m;
   return config_.rotation * Vector3(force.x(), force.y(), 0.0);
 }
@@ -117,6 +115,13 @@ DeviceSample HapiEmulator::move(const Vector2& torque_newton_m) {
   });
 }
 
+Vector2 HapiEmulator::made_torque_newton_m(Vector2 sent) const {
+  const double largest = sent.cwiseAbs().maxCoeff();
+  if (largest > config_.largest_torque_newton_m) sent *= config_.largest_torque_newton_m / largest;
+  const double step = config_.torque_step_newton_m;
+  return step * (sent / step).array().round() / config_.torque_gain;
+}
+
 void HapiEmulator::answer(const std::byte* message) {
   const WireFault fault = device_.fault();
   const auto id = std::to_integer<std::uint8_t>(message[1]);
@@ -124,9 +129,7 @@ void HapiEmulator::answer(const std::byte* message) {
   if (id != config_.device_id || fault == WireFault::kUnplugged || fault == WireFault::kSilent)
     return;
 
-  const Vector2 torque_newton_m =
-      Vector2(number_at(message + 2), number_at(message + 6)) / config_.torque_gain;
-  place(move(torque_newton_m));
+  place(move(made_torque_newton_m(Vector2(number_at(message + 2), number_at(message + 6)))));
   std::array<float, kHapiMotors> angles_deg{};
   for (std::size_t i = 0; i < kHapiMotors; ++i) {
     const auto axis = static_cast<Eigen::Index>(i);

@@ -34,6 +34,9 @@ class HapiEmulator {
   void set_up();
   void place(const DeviceSample& sample);
   void answer(const std::byte* message);
+  /// Of what the board was sent, as in the public firmware: scaled to its largest torque, in its
+  /// steps.
+  [[nodiscard]] Vector2 made_torque_newton_m(Vector2 sent) const;
   DeviceSample move(const Vector2& torque_newton_m);
   /// What these torques make where the arms are at these angles.
   [[nodiscard]] Vector3 force_newton(const Vector2& torque_newton_m,

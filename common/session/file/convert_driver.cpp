@@ -77,6 +77,12 @@ HapiConfig to_hapi(const Fields& hapi) {
   config.rod_m = hapi.number("rod_m");
   config.base_m = hapi.number("base_m");
   config.torque_gain = hapi.number("torque_gain");
+  config.largest_torque_newton_m = hapi.number("largest_torque_newton_m");
+  config.torque_step_newton_m = hapi.number("torque_step_newton_m");
+  if (config.torque_step_newton_m > config.largest_torque_newton_m) {
+    hapi.problem("torque_step_newton_m",
+                 "must not be larger than largest_torque_newton_m; give the step of the firmware");
+  }
   return config;
 }
 

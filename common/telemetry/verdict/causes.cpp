@@ -461,6 +461,7 @@ std::optional<Cause> Causes::settings(double loss) const {
 
 Cause Causes::of_loss(double loss) const {
   const LossPlace place = place_of_loss();
+  if (const auto cause = held_to_no_force()) return *cause;
   if (const auto cause = of_run(loss / kAftermath)) return *cause;
   if (place == LossPlace::kDisturbed) {
     if (const auto cause = disturbed_ticks(loss)) return *cause;

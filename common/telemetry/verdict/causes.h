@@ -43,6 +43,10 @@ class Causes {
   /// @param least_delay_s  of a delay, what nobody notices
   [[nodiscard]] std::optional<Cause> simulated(SimulatedAt place, double loss,
                                                double least_delay_s = 0.0) const;
+  /// The device gave no force, because its motors end none by themselves.
+  [[nodiscard]] std::optional<Cause> held_to_no_force() const {
+    return f_.device.max_force_newton == 0.0 ? found({"no_motor_watchdog"}) : std::nullopt;
+  }
   /// The controller is not MOFC: a net behind it changes nothing about who asks for the force.
   [[nodiscard]] bool is_other_controller() const {
     return !f_.controller.empty() && !f_.controller.starts_with("mofc");

@@ -191,10 +191,7 @@ class Judge {
     const DeviceCounters& device = f_.device;
     if (f_.mofc.contact_ticks == 0) return;
     if (device.has_no_motor_watchdog && !device.accepts_no_motor_watchdog) {
-      add({Grade::kFair, "no_motor_watchdog",
-           "the motors do not end a force by themselves, so it is held to the device's dry "
-           "friction",
-           "if a person can cut the supply of the motors: device.accept=NO_MOTOR_WATCHDOG"});
+      findings_.push_back(no_motor_watchdog(f_));
     }
     const double cut = std::min(1.0, ratio(device.peak_limited_ticks, f_.mofc.contact_ticks));
     const Grade grade = grade_above(cut, kFairRatio, kBadRatio);
@@ -203,6 +200,8 @@ class Judge {
                              percent(cut) + " of the contact";
     if (auto lie = causes_.simulated(SimulatedAt::kClamp, cut)) {
       add(grade, "peak_force", text, std::move(*lie), cut);
+    } else if (auto limit = causes_.held_to_no_force()) {
+      add(grade, "peak_force", text, std::move(*limit), cut);
     } else if (causes_.is_other_controller()) {  // what oscillates saturates
       add(grade, "peak_force", text, causes_.of_loss(cut), cut);
     } else {

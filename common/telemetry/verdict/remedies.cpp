@@ -31,6 +31,28 @@ std::string disagreement_remedy(const RunFacts& facts) {
   return "the clamp and the device disagree: check device.profile (`palpate identify`)";
 }
 
+RunFinding no_motor_watchdog(const RunFacts& facts) {
+  RunFinding finding{
+      .grade = Grade::kFair,
+      .what = "no_motor_watchdog",
+      .cause = "no_motor_watchdog",
+      .text =
+          "the motors do not end a force by themselves, so it is held to the device's dry friction",
+      .remedy = "if a person can cut the supply of the motors: device.accept=NO_MOTOR_WATCHDOG"};
+  // nothing but a limit of 0 takes all of every force
+  if (facts.device.max_force_newton == 0.0 && facts.device.peak_limited_ticks > 0 &&
+      facts.coulomb_newton > 0.0) {
+    finding.grade = Grade::kBad;
+    finding.text +=
+        ": to none, as nothing bounds what held currents are elsewhere in the workspace";
+    finding.remedy =
+        "give the driver a smaller workspace_half_extent_m, which ends before singular places of "
+        "the arm, or a plug-in its held_force_ratio (event=force_limit in the log); or, " +
+        finding.remedy;
+  }
+  return finding;
+}
+
 std::string nodes_left_out(const RunFacts& facts) {
   std::string nodes;
   for (const auto& [name, node] : {std::pair{"device_node", &facts.device_node},

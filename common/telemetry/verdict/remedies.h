@@ -16,6 +16,8 @@ namespace palpate {
 [[nodiscard]] std::string path_remedy(const RunFacts& facts);
 /// What to do where the clamp grants, or counts on, more than the device has seen.
 [[nodiscard]] std::string disagreement_remedy(const RunFacts& facts);
+/// Of motors that end no force by themselves, in a session that does not accept that.
+[[nodiscard]] RunFinding no_motor_watchdog(const RunFacts& facts);
 /// "mofc_node, physics_node"; empty: the telemetry of all is there.
 [[nodiscard]] std::string nodes_left_out(const RunFacts& facts);
 

@@ -5,9 +5,11 @@
  *   device { plugin { library: "palpate_ros_device.so" options: "socket=/run/user/1000/arm
  *     peak_newton=3 continuous_newton=1 half_extent_m=0.1 resolution_m=1e-4 buttons=1" } }
  *
- * All but buttons (0) and patience_ms (5) are needed: topics do not tell them. A pose older than
- * patience_ms is a fault, so device.latency_us is to cover that and the way of the force. Nobody
- * tells that motors obey, and they go on when messages stop: a device without a motor watchdog. */
+ * All but buttons (0), patience_ms (5) and held_force_ratio are needed: topics do not tell them. A
+ * pose older than patience_ms is a fault, so device.latency_us is to cover that and the way of the
+ * force. Nobody tells that motors obey, and they go on when messages stop: a device without a motor
+ * watchdog. Nor does anybody tell whether the arm then holds a force or currents: without
+ * held_force_ratio=R (palpate_device.h) no force acts that the session does not accept. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <poll.h>
@@ -180,8 +182,9 @@ static int check_options(const char* options, char* error, size_t error_size) {
   static const struct {
     const char* key;
     double most;
-  } kNumbers[] = {{"peak_newton", 1e3},   {"continuous_newton", 1e3}, {"half_extent_m", 10.0},
-                  {"resolution_m", 0.01}, {"buttons", 32.0},          {"patience_ms", 1000.0}};
+  } kNumbers[] = {{"peak_newton", 1e3},        {"continuous_newton", 1e3}, {"half_extent_m", 10.0},
+                  {"resolution_m", 0.01},      {"buttons", 32.0},          {"patience_ms", 1000.0},
+                  {"held_force_ratio", 1000.0}};
   for (const char* at = options; *at != '\0';) {
     at += strspn(at, " ");
     const size_t length = strcspn(at, " ");
@@ -205,7 +208,8 @@ static int check_options(const char* options, char* error, size_t error_size) {
     snprintf(
         error, error_size,
         "option \"%s\": known are socket=PATH, peak_newton and continuous_newton (up to 1000), "
-        "half_extent_m (10), resolution_m (0.01), buttons (32), patience_ms (1000), each > 0",
+        "half_extent_m (10), resolution_m (0.01), buttons (32), patience_ms and held_force_ratio "
+        "(1000), each > 0",
         word);
     return 0;
   }
@@ -227,6 +231,7 @@ static palpate_device* open_device(const char* options, const palpate_device_hos
   s->position_resolution_m = option_number(options, "resolution_m");
   for (int i = 0; i < 3; ++i)
     s->workspace_half_extent_m[i] = option_number(options, "half_extent_m");
+  s->held_force_ratio = held_force_ratio(options);
   s->button_count = (uint32_t)option_number(options, "buttons");
   const double patience_ms = option_number(options, "patience_ms");
   d->patience_ns = (int64_t)(1e6 * (patience_ms > 0.0 ? patience_ms : ROS_DEVICE_PATIENCE_MS));

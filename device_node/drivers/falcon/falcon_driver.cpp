@@ -170,9 +170,7 @@ class FalconDevice final : public WireDevice {
     if (!jacobian) return Vector3::Zero();
     Vector3 counts =
         config_.torque_gain * jacobian->transpose() * (config_.rotation.conjugate() * force_newton);
-    const double largest = counts.cwiseAbs().maxCoeff();
-    const auto limit = static_cast<double>(config_.largest_torque);
-    if (largest > limit) counts *= limit / largest;
+    scale_counts(counts, config_.largest_torque);
     const Matrix3 newton_per_count = jacobian->transpose().inverse() / config_.torque_gain;
     const Vector3 made_newton = round_counts(counts, newton_per_count, allowed_newton());
     for (std::size_t leg = 0; leg < kFalconLegs; ++leg) {

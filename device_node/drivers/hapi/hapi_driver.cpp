@@ -2,6 +2,7 @@
 #include "device_node/drivers/hapi/hapi_driver.h"
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <numbers>
 #include <optional>
@@ -77,24 +78,34 @@ class HapiDevice final : public WireDevice {
     return (config_.rotation.conjugate() * force_newton).head<2>();
   }
 
+  /// @param torques  receives what the board is sent: whole steps, scaled to the largest torque
+  /// @return         the force that these make, in the plane of the links [N]
+  Vector2 torques_for(const Vector2& force_newton,
+                      std::array<float, kHapiMotors>& torques) const noexcept {
+    // torques by the angles of the last answer: a period old
+    const std::optional<Matrix2> jacobian =
+        angles_rad_ ? links_.jacobian(*angles_rad_) : std::optional<Matrix2>();
+    if (!jacobian) return Vector2::Zero();
+    const double step = config_.torque_step_newton_m;
+    const double steps_per_newton_m = config_.torque_gain / step;
+    Vector3 steps = Vector3::Zero();  // the third motor is none
+    steps.head<2>() = steps_per_newton_m * jacobian->transpose() * force_newton;
+    scale_counts(steps, std::floor(config_.largest_torque_newton_m / step));
+    Matrix3 newton_per_step = Matrix3::Zero();
+    newton_per_step.topLeftCorner<2, 2>() = jacobian->transpose().inverse() / steps_per_newton_m;
+    const Vector3 made_newton = round_counts(steps, newton_per_step, allowed_newton());
+    for (std::size_t i = 0; i < kHapiMotors; ++i) {
+      torques[i] = static_cast<float>(step * steps[static_cast<Eigen::Index>(i)]);
+    }
+    return made_newton.head<2>();
+  }
+
   Transfer exchange(const Vector3& requested_newton, DeviceSample& sample) noexcept override {
     if (!port_) return Transfer::kClosed;
     // an answer too many: each would be that of an earlier message
     if (angles_rad_ && port_->has_input()) return Transfer::kCorrupt;
-    const Vector2 force_newton = in_plane(requested_newton);
-    // torques by the angles of the last answer: a period old
-    const std::optional<Matrix2> jacobian =
-        angles_rad_ ? links_.jacobian(*angles_rad_) : std::optional<Matrix2>();
     std::array<float, kHapiMotors> torques{};
-    Vector2 applied_newton = Vector2::Zero();
-    if (jacobian) {
-      const Vector2 torque_newton_m = jacobian->transpose() * force_newton;
-      for (std::size_t i = 0; i < kHapiMotors; ++i) {
-        torques[i] =
-            static_cast<float>(config_.torque_gain * torque_newton_m[static_cast<Eigen::Index>(i)]);
-      }
-      applied_newton = force_newton;
-    }
+    const Vector2 applied_newton = torques_for(in_plane(requested_newton), torques);
     std::array<float, kHapiMotors> angles_deg{};
     const Transfer transfer = ask(torques, angles_deg);
     if (transfer != Transfer::kDone) return transfer;

@@ -62,13 +62,17 @@ class Pantograph {
       const double a = angles_rad[i];
       rods.row(i) = rod.transpose();
       arms(i, i) = rod.dot(g_.arm_m * Vector2(-std::sin(a), std::cos(a)));
+      // sin of the angle between arm and rod
+      if (std::abs(arms(i, i)) < kLeastSine * g_.arm_m * g_.rod_m) return {};
     }
     // sin of the angle between the rods
-    if (std::abs(rods.determinant()) < 1e-3 * g_.rod_m * g_.rod_m) return {};
+    if (std::abs(rods.determinant()) < kLeastSine * g_.rod_m * g_.rod_m) return {};
     return Matrix2(rods.inverse() * arms);
   }
 
  private:
+  static constexpr double kLeastSine = 1e-3;
+
   [[nodiscard]] Vector2 motor_m(int i) const noexcept { return {i == 0 ? 0.0 : g_.base_m, 0.0}; }
   [[nodiscard]] Vector2 elbow_m(int i, const Vector2& angles_rad) const noexcept {
     return motor_m(i) + g_.arm_m * Vector2(std::cos(angles_rad[i]), std::sin(angles_rad[i]));

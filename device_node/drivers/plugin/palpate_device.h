@@ -87,8 +87,10 @@ typedef struct palpate_device_specification {
  * above the peak (measured: ten times the peak), a turning that is not finite or a skew outside
  * 0 … 1 s releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
 typedef struct palpate_device_reading {
-  uint32_t size;              /**< sizeof(palpate_device_reading), set by the caller */
-  uint32_t buttons;           /**< bit i: button i is held */
+  uint32_t size; /**< sizeof(palpate_device_reading), set by the caller */
+  /** Bit i: button i is held. 0 where the grip is gone or its state is old: one of them may be the
+   * dead-man button, which a hand that has let go would seem to hold. */
+  uint32_t buttons;
   double position_m[3];       /**< of the hand, D */
   double orientation_wxyz[4]; /**< rotation into D from the tool's frame; is normalised */
   int64_t sampled_at_ns;      /**< of the position, by palpate_device_host::clock_ns */

@@ -205,8 +205,7 @@ class WoodenDevice final : public WireDevice {
     if (!jacobian || force_newton.isZero(0.0)) return Vector3::Zero();
     Vector3 ma = drive_.ma_per_newton_m.cwiseProduct(
         Vector3(jacobian->transpose() * (config_.rotation.conjugate() * force_newton)));
-    const double largest = ma.cwiseAbs().maxCoeff();
-    if (largest > drive_.largest_ma) ma *= drive_.largest_ma / largest;
+    scale_counts(ma, drive_.largest_ma);
     const Matrix3 newton_per_ma =
         jacobian->transpose().inverse() * drive_.ma_per_newton_m.cwiseInverse().asDiagonal();
     const Vector3 made_newton = round_counts(ma, newton_per_ma, allowed_newton());

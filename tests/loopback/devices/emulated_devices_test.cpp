@@ -258,6 +258,26 @@ TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
   EXPECT_THAT(without.out, HasSubstr("device.hands_off_check: device"));
 }
 
+TEST_F(EmulatedDevices, DoctorAndLogSayWhatLimitsTheForce) {
+  const std::string port = "device.hapi.port=" + (folder_.path() / "board").string();
+  const std::string stretched = "device.hapi.mount.workspace_half_extent_m.x=0.12";
+  Program emulator("palpate", {"emulate", kHapiSession, "--set", port, "--hands-off"});
+  emulator.await_err("emulates the device at");
+
+  const Outcome doctor = test::run_program("palpate", {"doctor", kHapiSession, "--set", port});
+  EXPECT_THAT(doctor.out, HasSubstr("note   force limit"));
+  EXPECT_THAT(doctor.out, HasSubstr("coulomb_newton, divided by 1."));
+  const Outcome none =
+      test::run_program("palpate", {"doctor", kHapiSession, "--set", port, "--set", stretched});
+  EXPECT_THAT(none.out, HasSubstr("TO DO  force limit              0 N: nothing bounds"));
+  EXPECT_THAT(none.out, HasSubstr("a smaller device.hapi.mount.workspace_half_extent_m"));
+
+  Program launch("palpate", {"launch", kHapiSession, "--set", port, "--set", stretched,
+                             "--no-viewer", "--no-realtime"});
+  EXPECT_THAT(launch.await_err("event=force_limit newton=0: "),
+              HasSubstr("remedy=\"give a smaller"));
+}
+
 // Where it is permitted: otherwise other programs delay the emulator's answers, and identify's
 // ticks by more than a lease.
 TEST_F(EmulatedDevices, EmulatorAndIdentifyUseTheSessionsRealTimeScheduling) {

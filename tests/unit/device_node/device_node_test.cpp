@@ -2,10 +2,12 @@
 // The tick on a manual clock, which only the test and waits advance.
 #include "device_node/device_node.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -1278,6 +1280,38 @@ TEST(DeviceNode, MotorsThatEndNoForceGetNoneAboveTheFrictionUnlessTheSessionAcce
   accepted.tick();
   EXPECT_EQ(accepted.device.motor_force_newton(accepted.clock.now()), Vector3(2, 0, 0));
   EXPECT_TRUE(accepted.node.counters().accepts_no_motor_watchdog);
+}
+
+TEST(FrictionLimit, NamesWhatHoldsTheForceAndWhatToDo) {
+  const ManualClock clock;
+  const EndlessDevice device(clock);
+  DeviceConfig config = device_config();  // f_co 0.1 N
+  DeviceSpecification specification = device.specification();
+  const auto limit = [&](const std::string& driver) {
+    return *friction_limit(config, specification, driver);
+  };
+  EXPECT_EQ(limit("hapi").newton, 0.1);
+  EXPECT_FALSE(limit("hapi").is_below_friction);
+
+  specification.held_force_ratio = 2.5;
+  EXPECT_DOUBLE_EQ(limit("hapi").newton, 0.04);
+  EXPECT_TRUE(limit("hapi").is_below_friction);
+  EXPECT_THAT(limit("hapi").why, testing::HasSubstr("divided by 2.5"));
+
+  specification.held_force_ratio = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(limit("hapi").newton, 0.0);
+  EXPECT_TRUE(limit("hapi").is_below_friction);
+  EXPECT_THAT(limit("hapi").why, testing::HasSubstr("singular place of the arm"));
+  EXPECT_EQ(limit("hapi").remedy, "give a smaller device.hapi.mount.workspace_half_extent_m");
+  EXPECT_THAT(limit("plugin").remedy, testing::HasSubstr("device.plugin.options"));
+
+  specification.held_force_ratio = 2.5;
+  config.peak_force_newton = 0.03;
+  EXPECT_EQ(limit("hapi").newton, 0.03);
+  EXPECT_FALSE(limit("hapi").is_below_friction) << "the session's peak force is smaller";
+
+  config.accepts_no_motor_watchdog = true;
+  EXPECT_FALSE(friction_limit(config, specification, "hapi"));
 }
 
 // The lease ended at 2 ms, the next reading is at 7 ms: mofc_node finds a gap, and the force ends.

@@ -145,10 +145,11 @@ HapiConfig upright_pantograph() {
 class EmulatedHapi {
  public:
   explicit EmulatedHapi(const Clock& clock, const Vector3& hand_m = Vector3::Zero(),
-                        const std::vector<PlannedFault>& faults = {})
+                        const std::vector<PlannedFault>& faults = {},
+                        const HapiConfig& board = upright_pantograph())
       : device_({}, {.path = HoldPath{.position_m = hand_m}}, clock, 1,
                 std::chrono::milliseconds(20), faults),
-        emulator_(device_, upright_pantograph()),
+        emulator_(device_, board),
         thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
 
   [[nodiscard]] HapiConfig config() const {
@@ -176,8 +177,37 @@ TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
 
   ASSERT_TRUE(device->apply({0.5, 1.0, -1.0}, std::chrono::seconds(1), sample));
 
-  EXPECT_LT((sample.applied_force_newton - Vector3(0.5, 0, -1.0)).norm(), 1e-12);
-  EXPECT_LT((emulated.motor_force_newton() - Vector3(0.5, 0, -1.0)).norm(), 1e-5);
+  // half a step of each motor, 0.1 times as strong, by a lever of more than 3 cm
+  EXPECT_LT((sample.applied_force_newton - Vector3(0.5, 0, -1.0)).norm(), 0.05);
+  EXPECT_LT((emulated.motor_force_newton() - sample.applied_force_newton).norm(), 1e-5);
+}
+
+TEST(HapiDriver, ABoardThatSaturatesOrRoundsIsToldOnlyWhatItMakes) {
+  const ManualClock clock;
+  HapiConfig config = upright_pantograph();
+  config.torque_gain = 1.0;
+  config.largest_torque_newton_m = 0.06;  // 1.2 N at a lever of 5 cm
+  config.torque_step_newton_m = 5e-3;
+  EmulatedHapi emulated(clock, Vector3(0.01, 0, -0.005), {}, config);
+  config.port = emulated.config().port;
+  const auto device = open_hapi(config, clock, {});
+  ASSERT_TRUE(device->calibrate());
+  Random random(3);
+  bool is_saturated = false;
+  for (int i = 0; i < 200; ++i) {
+    const double angle_rad = random.uniform(0.0, 2.0 * std::numbers::pi);
+    const Vector3 force_newton =
+        random.uniform(0.0, 3.0) * Vector3(std::cos(angle_rad), 0, std::sin(angle_rad));
+    DeviceSample sample;
+
+    ASSERT_TRUE(device->apply(force_newton, std::chrono::seconds(1), sample));
+
+    const Vector3& told_newton = sample.applied_force_newton;
+    EXPECT_LT((emulated.motor_force_newton() - told_newton).norm(), 1e-5);
+    EXPECT_LE(told_newton.norm(), force_newton.norm() + 1e-9);
+    is_saturated = is_saturated || told_newton.norm() < force_newton.norm() - 0.5;
+  }
+  EXPECT_TRUE(is_saturated);
 }
 
 TEST(HapiDriver, IsReleasedOnceTheDeviceConfirmsIt) {

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <dlfcn.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -13,13 +16,16 @@
 #include <map>
 #include <string>
 #include <vector>
+#include <thread>
 
 #include "common/core/check.h"
+#include "deploy/ros/device/device_wire.h"
 #include "device_node/drivers/plugin/palpate_device.h"
 #include "device_node/drivers/plugin/plugin_driver.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/machine/machine.h"
+#include "tests/support/temp_folder.h"
 #include "tests/support/wired/shared_clock.h"
 
 namespace palpate::device {
@@ -220,6 +226,84 @@ TEST(VendorPlugins, ForceDimensionHasItsOwnFrameAndEndsAForceWithItsLease) {
   EXPECT_LT((sample.hand_position_m - rest_m).norm(), 1e-12);
   ASSERT_TRUE(device->apply({0, 0, 99}, std::chrono::milliseconds(3), sample));
   EXPECT_EQ(sample.applied_force_newton, Vector3(0, 0, 12));
+}
+
+/// Each look takes 10 µs.
+class SlowClock final : public Clock {
+ public:
+  [[nodiscard]] TimePoint now() const noexcept override { return now_ += kLook; }
+  void sleep_until(TimePoint deadline) override { now_ = deadline; }
+  static constexpr Duration kLook = std::chrono::microseconds(10);
+
+ private:
+  mutable TimePoint now_{};
+};
+
+TEST(VendorPlugins, ForceDimensionReportsTheTimeOfItsCalls) {
+  const SlowClock clock;
+  const auto device = open_plugin(
+      {.library = PALPATE_FORCE_DIMENSION, .options = kForceDimensionOptions + kStub}, clock, {});
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_GE(sample.skew, SlowClock::kLook);
+  const TimePoint before = clock.now();
+  ASSERT_TRUE(device->apply({0, 0, 1}, std::chrono::milliseconds(3), sample));
+  EXPECT_EQ(sample.sampled_at - sample.skew, before + SlowClock::kLook) << "before the force";
+}
+
+/// `palpate ros device` for a plug-in that asks for one pose.
+class OnePoseBridge {
+ public:
+  OnePoseBridge() : listener_(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0)) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path().copy(address.sun_path, sizeof(address.sun_path) - 1);
+    EXPECT_EQ(::bind(listener_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+    EXPECT_EQ(::listen(listener_, 1), 0);
+    thread_ = std::jthread([this] {
+      client_ = ::accept(listener_, nullptr, nullptr);
+      ros_device_pose pose{};
+      pose.wire = ROS_DEVICE_WIRE;
+      pose.is_ready = 1;
+      pose.orientation_wxyz[0] = 1.0;
+      EXPECT_EQ(::send(client_, &pose, sizeof(pose), MSG_NOSIGNAL),
+                static_cast<ssize_t>(sizeof(pose)));
+    });
+  }
+  ~OnePoseBridge() {
+    ::shutdown(listener_, SHUT_RDWR);  // of a plug-in that never came
+    thread_.join();
+    ::close(client_);
+    ::close(listener_);
+  }
+  OnePoseBridge(const OnePoseBridge&) = delete;
+  OnePoseBridge& operator=(const OnePoseBridge&) = delete;
+  [[nodiscard]] std::string path() const { return (folder_.path() / "arm").string(); }
+
+ private:
+  test::TempFolder folder_;
+  int listener_;
+  int client_ = -1;
+  std::jthread thread_;
+};
+
+double ros_ratio_with(const std::string& option) {
+  const OnePoseBridge bridge;
+  const SteadyClock clock;
+  return open_plugin({.library = PALPATE_ROS_PLUGIN,
+                      .options = "socket=" + bridge.path() +
+                                 " peak_newton=3 continuous_newton=1 half_extent_m=0.1 "
+                                 "resolution_m=1e-4" +
+                                 option},
+                     clock, {.limit = test::patience(std::chrono::seconds(20))})
+      ->specification()
+      .held_force_ratio;
+}
+
+TEST(VendorPlugins, WhatAnArmBehindRosHoldsIsUnknownUnlessAnOptionSaysIt) {
+  EXPECT_EQ(ros_ratio_with(""), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(ros_ratio_with(" held_force_ratio=2.5"), 2.5);
+  EXPECT_THAT(refusal_of(PALPATE_ROS_PLUGIN, "held_force_ratio=-1"), HasSubstr("held_force_ratio"));
 }
 
 struct PluginParts {

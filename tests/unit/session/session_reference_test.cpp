@@ -82,6 +82,7 @@ TEST(SessionSchema, UnitsAreThoseOfTheNames) {
                                                        {"_newton_s", "N·s"},
                                                        {"_newton_per_m3", "N/m³"},
                                                        {"_newton_per_m", "N/m"},
+                                                       {"_newton_m", "N·m"},
                                                        {"_newton", "N"},
                                                        {"_m2_per_s3", "m²/s³"},
                                                        {"_m2_per_s5", "m²/s⁵"},

@@ -616,6 +616,10 @@ TEST(SessionDrivers, NumbersWithoutASourceAreRequiredAndHaveToMakeSense) {
               HasSubstr("device.falcon.torque_gain = 0: must not be 0; measure it"));
   EXPECT_THAT(complaints("name: \"x\" device { falcon {} }"),
               testing::Contains(AllOf(HasSubstr("falcon.torque_gain"), HasSubstr("known weight"))));
+  EXPECT_THAT(complaints_of("hapi", "device.hapi.torque_step_newton_m=0.2").at(1),
+              HasSubstr("device.hapi.torque_step_newton_m = 0.2: must not be larger than"));
+  EXPECT_THAT(complaints_of("hapi", "device.hapi.largest_torque_newton_m=0").at(1),
+              HasSubstr("MAX_TORQUE of the board's firmware"));
   EXPECT_THAT(complaints_of("wooden", "device.wooden.a.calibration_count=0.5").at(1),
               HasSubstr("calibration_count = 0.5: must be a whole number"));
   EXPECT_THAT(complaints("name: \"x\" device { wooden {} }"),

@@ -589,6 +589,15 @@ inline std::vector<VerdictCase> verdict_cases() {
        "fair", [](TroubledRun& run) { run.device.peak_limited_ticks = 600; }},
       {"motors that end no force", "no_motor_watchdog", "NO_MOTOR_WATCHDOG", "fair",
        [](TroubledRun& run) { run.device.has_no_motor_watchdog = true; }},
+      {"motors that end no force and may hold any, pressed from the start", "no_motor_watchdog",
+       "workspace_half_extent_m", "bad",
+       [](TroubledRun& run) {
+         run.device.has_no_motor_watchdog = true;
+         run.device.max_force_newton = 0.0;
+         run.device.peak_limited_ticks = 5'000;
+         run.mofc.clamped_ticks = 2'000;
+         run.physics.is_started_in_contact = true;
+       }},
       {"motors that end no force, accepted", "", "", "good",
        [](TroubledRun& run) {
          run.device.has_no_motor_watchdog = run.device.accepts_no_motor_watchdog = true;

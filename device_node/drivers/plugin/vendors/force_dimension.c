@@ -10,9 +10,11 @@
  *
  * All four options are needed: the library does not tell them. held_force_ratio=R
  * (palpate_device.h) is known for no device: without it no force acts that the session does not
- * accept. The firmware's watchdog ends a force 10 ms after the last command: later than a lease may
- * end, so the guarantee is reported as not available while the process is stopped. Gravity
- * compensation stays with the device. */
+ * accept. Even with it turning_joule stays 0, because the Jacobian of the arm is unknown: the work
+ * that held currents do while the arm turns is in no account. Force and position are separate
+ * calls: skew_ns is the time of both. The firmware's watchdog ends a force 10 ms after the last command: later
+ * than a lease may end, so the guarantee is reported as not available while the process is stopped.
+ * Gravity compensation stays with the device. */
 #include "vendor_library.h"
 
 enum { kWatchdog = 80 }; /* of 125 µs */
@@ -48,7 +50,8 @@ static void release_device(palpate_device* d) {
   (void)send_force(d, none, 0);
 }
 
-static int sample(palpate_device* d, palpate_device_reading* out) {
+/* `began_ns`: before the force was sent, or the position asked for. */
+static int sample(palpate_device* d, int64_t began_ns, palpate_device_reading* out) {
   double x = 0.0;
   double y = 0.0;
   double z = 0.0;
@@ -57,6 +60,9 @@ static int sample(palpate_device* d, palpate_device_reading* out) {
     return PALPATE_DEVICE_UNPLUGGED;
   }
   out->sampled_at_ns = d->host->clock_ns(d->host->context);
+  if (PALPATE_DEVICE_KNOWS(palpate_device_reading, out, skew_ns)) {
+    out->skew_ns = out->sampled_at_ns - began_ns;
+  }
   out->position_m[0] = y;
   out->position_m[1] = -x;
   out->position_m[2] = z;
@@ -66,14 +72,16 @@ static int sample(palpate_device* d, palpate_device_reading* out) {
 }
 
 static int read_device(palpate_device* d, palpate_device_reading* out) {
-  if (d->host->clock_ns(d->host->context) >= d->lease_end_ns) release_device(d);
-  return sample(d, out);
+  const int64_t began_ns = d->host->clock_ns(d->host->context);
+  if (began_ns >= d->lease_end_ns) release_device(d);
+  return sample(d, began_ns, out);
 }
 
 static int apply_force(palpate_device* d, const double force_newton[3], int64_t lease_ns,
                        palpate_device_reading* at_switch) {
+  const int64_t began_ns = d->host->clock_ns(d->host->context);
   const int error = send_force(d, force_newton, lease_ns);
-  return error != PALPATE_DEVICE_OK ? error : sample(d, at_switch);
+  return error != PALPATE_DEVICE_OK ? error : sample(d, began_ns, at_switch);
 }
 
 static void close_device(palpate_device* d) {

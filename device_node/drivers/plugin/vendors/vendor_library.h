@@ -83,7 +83,7 @@ static void limit_force(const double force_newton[3], int has_lease, double peak
 #define PALPATE_VENDOR_DRIVER(reopen_device)                                        \
   static void specify(const palpate_device* d, palpate_device_specification* out) { \
     const uint32_t size = out->size;                                                \
-    *out = d->specification;                                                        \
+    memcpy(out, &d->specification, size < sizeof(*out) ? size : sizeof(*out));      \
     out->size = size;                                                               \
   }                                                                                 \
   const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {             \
