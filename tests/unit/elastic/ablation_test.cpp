@@ -268,7 +268,7 @@ void expect_the_force_of_a_new_body(const std::shared_ptr<ElasticTissues>& elast
     SceneForce b;
     elastic->step(0, tip_at(depth_m, 0.002), time_s, kReach_m, a);
     scratch->step(0, tip_at(depth_m, 0.002), time_s, kReach_m, b);
-    if (tick < 700) continue;
+    if (tick < 1400) continue;  // both have come to rest
     difference = std::max(difference, (a.force_on_tool_newton - b.force_on_tool_newton).norm());
     largest = std::max(largest, b.force_on_tool_newton.norm());
   }
