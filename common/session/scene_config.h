@@ -109,7 +109,7 @@ struct ElectrodeConfig {
   std::uint32_t button = 0;          ///< it is energised while it is held
   double power_watt = 50.0;          ///< into tissue all around the tip
   double reach_m = 0.0;              ///< from the centre of the tip; more than its radius
-  double energy_joule_per_m3 = 2e9;  ///< that tissue takes up until it vanishes
+  double energy_joule_per_kg = 2e6;  ///< that tissue takes up until it vanishes
   double softest_ratio = 0.2;        ///< of the stiffness of tissue that is about to vanish
 };
 

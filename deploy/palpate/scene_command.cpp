@@ -98,7 +98,10 @@ std::string electrode_line(const physics::ElasticBody& body, const Session& sess
   std::snprintf(text, sizeof text,
                 "electrode: %.3g W, at most %.3g mm³/s; reaches elements at %.3g %% of the surface "
                 "where a tip lies on it",
-                electrode.power_watt, 1e9 * electrode.power_watt / electrode.energy_joule_per_m3,
+                electrode.power_watt,
+                1e9 * electrode.power_watt /
+                    (electrode.energy_joule_per_kg *
+                     body.body->description().materials.front().density_kg_per_m3),
                 percent);
   return text;
 }

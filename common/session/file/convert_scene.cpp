@@ -359,9 +359,9 @@ ElectrodeConfig to_electrode(const Fields& fields, double tip_radius_m) {
   const ElectrodeConfig config{.button = static_cast<std::uint32_t>(fields.integer("button")),
                                .power_watt = fields.number("power_watt"),
                                .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
-                               .energy_joule_per_m3 = fields.number("energy_joule_per_m3"),
+                               .energy_joule_per_kg = fields.number("energy_joule_per_kg"),
                                .softest_ratio = fields.number("softest_ratio")};
-  if (fields.has("reach_m") && !(config.reach_m > tip_radius_m)) {
+  if (config.reach_m > 0.0 && config.reach_m <= tip_radius_m) {
     fields.problem("reach_m",
                    "must be > scene.tool.tip_radius_m, or it ends inside the tip; give more, or "
                    "leave it out for 1.5 × tip_radius_m");

@@ -2,6 +2,7 @@
 #include "physics_node/elastic_tissue/ablation/ablated_body.h"
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 #include <utility>
 

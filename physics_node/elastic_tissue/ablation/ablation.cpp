@@ -46,6 +46,7 @@ void Ablation::heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector
   if (!(energised_s > 0.0) || !tip_m.allFinite()) return;
   heated_m_[tool] = tip_m;
   const elastic::Mesh& mesh = present_->body()->body->mesh();
+  const std::vector<elastic::Material>& materials = present_->body()->body->description().materials;
   for (std::size_t i = 0; i < present_->elements.size(); ++i) {
     Vector3 centroid_m = Vector3::Zero();
     for (const std::uint32_t corner : mesh.element(i).first(4)) {
@@ -55,7 +56,9 @@ void Ablation::heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector
         power_density_watt_per_m3(electrode_, tip_radius_m_, (centroid_m - tip_m).norm());
     if (!(watt_per_m3 > 0.0)) continue;
     const std::uint32_t element = present_->elements[i];
-    doses_[element] += watt_per_m3 * energised_s / electrode_.energy_joule_per_m3;
+    const double joule_per_m3 =
+        electrode_.energy_joule_per_kg * materials[mesh.regions[i]].density_kg_per_m3;
+    doses_[element] += watt_per_m3 * energised_s / joule_per_m3;
     const std::uint8_t stage = heat_stage(doses_[element]);
     is_changed_ = is_changed_ || stage != stages_[element];
     stages_[element] = stage;

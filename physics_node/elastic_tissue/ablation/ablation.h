@@ -50,7 +50,7 @@ class Ablation {
                                                            const elastic::VectorXd& x_m);
 
   [[nodiscard]] const AblatedBody& present() const noexcept { return *present_; }
-  /// Energy per volume that an element of the session's body has taken up, over what makes it
+  /// Energy per mass that an element of the session's body has taken up, over what makes it
   /// vanish.
   [[nodiscard]] const std::vector<double>& doses() const noexcept { return doses_; }
   [[nodiscard]] const AblationFigures& figures() const noexcept { return figures_; }

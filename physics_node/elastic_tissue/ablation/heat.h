@@ -8,7 +8,7 @@
 //   p₀ = P / ∫ w dV over the shell between a and R,
 //
 // so that tissue all around the tip takes up P. What falls on air is lost. The dose of a piece of
-// tissue is the energy per volume that it has taken up, relative to what makes it vanish. Nothing
+// tissue is the energy per mass that it has taken up, relative to what makes it vanish. Nothing
 // flows off: no conduction, no perfusion.
 #pragma once
 

@@ -134,7 +134,7 @@ SceneConfig scene_of(const std::string& file, ElasticMaterial material) {
   material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0499}}};
   return {.tip_radius_m = kTip_m,
           .electrode =
-              ElectrodeConfig{.power_watt = 100.0, .reach_m = 0.010, .energy_joule_per_m3 = 1e7},
+              ElectrodeConfig{.power_watt = 100.0, .reach_m = 0.010, .energy_joule_per_kg = 1e4},
           .tissues = {
               {.name = "block",
                .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh, .file = file},

@@ -269,7 +269,7 @@ TEST(ElectrodeRules, HasDefaultsThatFollowTheTip) {
   EXPECT_EQ(electrode.button, 0U);
   EXPECT_EQ(electrode.power_watt, 50.0);
   EXPECT_DOUBLE_EQ(electrode.reach_m, 0.009);
-  EXPECT_EQ(electrode.energy_joule_per_m3, 2e9);
+  EXPECT_EQ(electrode.energy_joule_per_kg, 2e6);
   EXPECT_EQ(electrode.softest_ratio, 0.2);
   EXPECT_FALSE(parse_session(with_gripper("", kBlock), "x.txtpb", {}, "/tmp").scene.electrode);
 }
@@ -283,7 +283,7 @@ TEST(ElectrodeRules, NeedsElasticTissueAndFiguresInRange) {
                                                       HasSubstr("scene.tool.electrode" + field),
                                                       HasSubstr(words))));
   };
-  EXPECT_THAT(complaint("button: 31 power_watt: 1000 reach_m: 0.1 energy_joule_per_m3: 1e11 "
+  EXPECT_THAT(complaint("button: 31 power_watt: 1000 reach_m: 0.1 energy_joule_per_kg: 1e9 "
                         "softest_ratio: 1"),
               IsEmpty());
   EXPECT_THAT(complaint("", "half_space {} kelvin_voigt { stiffness_newton_per_m: 400 }"),
@@ -293,8 +293,8 @@ TEST(ElectrodeRules, NeedsElasticTissueAndFiguresInRange) {
   EXPECT_THAT(complaint("power_watt: 1001"), at(".power_watt", "1000"));
   EXPECT_THAT(complaint("reach_m: 0.006"), at(".reach_m", "scene.tool.tip_radius_m"));
   EXPECT_THAT(complaint("reach_m: 0.11"), at(".reach_m", "0.1"));
-  EXPECT_THAT(complaint("energy_joule_per_m3: 9e5"), at(".energy_joule_per_m3", "1e"));
-  EXPECT_THAT(complaint("energy_joule_per_m3: 1.1e11"), at(".energy_joule_per_m3", "1e"));
+  EXPECT_THAT(complaint("energy_joule_per_kg: 999"), at(".energy_joule_per_kg", "1000"));
+  EXPECT_THAT(complaint("energy_joule_per_kg: 1.1e9"), at(".energy_joule_per_kg", "1e"));
   EXPECT_THAT(complaint("softest_ratio: 0.009"), at(".softest_ratio", "0.01"));
   EXPECT_THAT(complaint("softest_ratio: 1.1"), at(".softest_ratio", "1"));
 }
