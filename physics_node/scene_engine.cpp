@@ -45,10 +45,19 @@ void reduce_to_range(Interaction& interaction) noexcept {
       std::min(interaction.stored_energy_joule, kMaxStoredEnergyJoule);
 }
 
+bool is_pressed(const ToolMotion& motion, std::uint32_t button) noexcept {
+  return ((motion.buttons >> button) & 1U) != 0;
+}
+
+bool is_energised(const ToolMotion& motion, const ElasticTissues* elastic) noexcept {
+  return elastic != nullptr && elastic->electrode() &&
+         is_pressed(motion, elastic->electrode()->button);
+}
+
 JawInput jaw_of(const ToolMotion& motion, std::uint64_t session_id,
                 const ElasticTissues* elastic) noexcept {
   if (elastic == nullptr || !elastic->gripper()) return {};
-  JawInput jaw{.is_closed = ((motion.buttons >> elastic->gripper()->button) & 1U) != 0,
+  JawInput jaw{.is_closed = is_pressed(motion, elastic->gripper()->button),
                .velocity_m_per_s = motion.tool_velocity_world_m_per_s};
   if (motion.grip && motion.grip->physics_session_id == session_id) jaw.report = motion.grip;
   return jaw;
@@ -82,7 +91,8 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
   const SceneForce force = tool_.step({.position_m = motion.tool_position_world_m,
                                        .velocity_m_per_s = motion.tool_velocity_world_m_per_s,
                                        .orientation = motion.tool_orientation_world,
-                                       .jaw = jaw_of(motion, answer.header.session_id, elastic)},
+                                       .jaw = jaw_of(motion, answer.header.session_id, elastic),
+                                       .is_energised = is_energised(motion, elastic)},
                                       time_s);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;

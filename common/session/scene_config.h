@@ -104,12 +104,22 @@ struct GripperConfig {
   [[nodiscard]] double slip_newton() const noexcept { return friction_coefficient * jaw_newton; }
 };
 
+/// An electrode at the tip that ablates elastic tissue (docs/grasping.md).
+struct ElectrodeConfig {
+  std::uint32_t button = 0;          ///< it is energised while it is held
+  double power_watt = 50.0;          ///< into tissue all around the tip
+  double reach_m = 0.0;              ///< from the centre of the tip; more than its radius
+  double energy_joule_per_kg = 2e6;  ///< that tissue takes up until it vanishes
+  double softest_ratio = 0.2;        ///< of the stiffness of tissue that is about to vanish
+};
+
 struct SceneConfig {
   double tip_radius_m = 0.0;  ///< of the spherical tool tip; 0: a point
   double shaft_length_m =
       0.0;  ///< from the centre of the tip to the handle, along +z of T; 0: no shaft
   double shaft_radius_m = 0.0;
   std::optional<GripperConfig> gripper{};
+  std::optional<ElectrodeConfig> electrode{};
   std::vector<TissueConfig> tissues;
 
   [[nodiscard]] ToolShape tool() const { return {tip_radius_m, shaft_length_m, shaft_radius_m}; }

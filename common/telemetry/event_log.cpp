@@ -168,12 +168,18 @@ void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
 EventLog<PhysicsCounters>::EventLog(spdlog::logger& log)
     : tool_motion_(log, "tool_motion"),
       overruns_(log, spdlog::level::warn, "ticks_skipped"),
-      tissue_changes_refused_(log, spdlog::level::warn, "tissue_change_refused") {}
+      tissue_changes_refused_(log, spdlog::level::warn, "tissue_change_refused"),
+      removed_(log, spdlog::level::info, "tissue_ablated"),
+      loose_(log, spdlog::level::warn, "tissue_cut_off"),
+      refused_(log, spdlog::level::warn, "ablation_refused") {}
 
 void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint now) {
   tool_motion_.note(counters.tool_motion, now);
   overruns_.note(counters.loop.skipped_ticks, now);
   tissue_changes_refused_.note(counters.tissue_changes_refused, now);
+  removed_.note(counters.elastic_elements_removed, now);
+  loose_.note(counters.elastic_elements_loose, now);
+  refused_.note(counters.elastic_bodies_refused, now);
 }
 
 }  // namespace palpate

@@ -122,6 +122,9 @@ class EventLog<PhysicsCounters> {
   LinkEvents tool_motion_;
   GrowthEvent overruns_;
   GrowthEvent tissue_changes_refused_;
+  GrowthEvent removed_;
+  GrowthEvent loose_;
+  GrowthEvent refused_;
 };
 
 }  // namespace palpate

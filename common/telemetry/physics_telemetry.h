@@ -64,6 +64,11 @@ struct PhysicsCounters {
   std::uint64_t elastic_unknown_bound_steps = 0;  ///< of these without a bound
   std::uint64_t elastic_tips_appeared = 0;        ///< inside a body; all tools
   std::uint32_t elastic_points_held = 0;          ///< by jaws; all tools
+  std::uint64_t elastic_energised_steps = 0;      ///< of the tool, with its electrode on
+  std::uint64_t elastic_bodies_remade = 0;        ///< because they had been ablated; all tools
+  std::uint64_t elastic_elements_removed = 0;     ///< have vanished; all tools,
+  std::uint64_t elastic_elements_loose = 0;       ///< of these no longer held by the rest
+  std::uint64_t elastic_bodies_refused = 0;       ///< could not be remade; what was there went on
   Duration worst_compute_time{};
 };
 

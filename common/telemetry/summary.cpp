@@ -255,7 +255,12 @@ nlohmann::ordered_json elastic_json(const PhysicsCounters& physics) {
           {"bounds_checked", physics.elastic_bounds_checked},
           {"bound_violations", physics.elastic_bound_violations},
           {"contact_steps", physics.elastic_contact_steps},
-          {"unknown_bound_steps", physics.elastic_unknown_bound_steps}};
+          {"unknown_bound_steps", physics.elastic_unknown_bound_steps},
+          {"energised_steps", physics.elastic_energised_steps},
+          {"bodies_remade", physics.elastic_bodies_remade},
+          {"bodies_refused", physics.elastic_bodies_refused},
+          {"elements_removed", physics.elastic_elements_removed},
+          {"elements_loose", physics.elastic_elements_loose}};
 }
 
 std::string elastic_text(const PhysicsCounters& physics) {
@@ -267,6 +272,14 @@ std::string elastic_text(const PhysicsCounters& physics) {
   }
   if (physics.elastic_tips_appeared > 0) {
     text += fmt::format("; {} times a tool appeared inside", physics.elastic_tips_appeared);
+  }
+  if (physics.elastic_energised_steps > 0) {
+    text += fmt::format("; ablated {} elements, {} of them loose, in {} bodies",
+                        physics.elastic_elements_removed, physics.elastic_elements_loose,
+                        physics.elastic_bodies_remade);
+    if (physics.elastic_bodies_refused > 0) {
+      text += fmt::format(" ({} more could not be made)", physics.elastic_bodies_refused);
+    }
   }
   const auto newton = [](double value) {
     return std::isnan(value) ? std::string("unknown") : fmt::format("{:.2g} N", value);

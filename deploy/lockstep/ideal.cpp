@@ -18,10 +18,11 @@ constexpr double kMemoryStep_s = 1e-3 - kSameInstant_s;
 Ideal::Ideal(const Session& session, const Side& side)
     : scene_(session.scene),
       elastic_(physics::elastic_bodies_of(session.scene), session.scene.tip_radius_m,
-               kElasticStep_s, session.scene.gripper),
+               kElasticStep_s, session.scene.gripper, session.scene.electrode),
       run_elastic_(elastic_.bodies(), session.scene.tip_radius_m, kElasticStep_s,
-                   session.scene.gripper),
+                   session.scene.gripper, session.scene.electrode),
       grip_buttons_(session.scene.gripper ? 1U << session.scene.gripper->button : 0U),
+      electrode_buttons_(session.scene.electrode ? 1U << session.scene.electrode->button : 0U),
       device_(side.device),
       peak_force_newton_(std::min(side.device.peak_force_newton, side.simulated.peak_force_newton)),
       memory_(scene_.new_memory()),
@@ -42,17 +43,22 @@ Ideal::Ideal(const Session& session, const Side& side)
           },
           [this](double time_s, const Vector3& hand_m) { step_run(time_s, hand_m); }) {}
 
+void Ideal::note_buttons(std::uint32_t buttons) {
+  is_jaw_closed_ = (buttons & grip_buttons_) != 0;
+  is_energised_ = (buttons & electrode_buttons_) != 0;
+}
+
 void Ideal::step_run(double time_s, const Vector3& hand_m) {
   const Vector3 tool_m = run_map_.tool_position_world_m(hand_m);
   scene_.step(run_memory_, tool_m, Vector3::Zero(), time_s);
   physics::SceneForce touch;
-  run_elastic_.advance(time_s, tool_m, touch, is_jaw_closed_);
+  run_elastic_.advance(time_s, tool_m, touch, is_jaw_closed_, is_energised_);
 }
 
 void Ideal::judge(TickRow& row, std::vector<device::InnerStep>& steps) {
   const DeviceTick& tick = row.device;
   const double time_s = to_seconds(tick.sampled_at.time_since_epoch());
-  is_jaw_closed_ = (tick.buttons & grip_buttons_) != 0;
+  note_buttons(tick.buttons);
   ForceComparison comparison;
   bool is_compared = false;
   bool is_in_contact = false;
@@ -99,14 +105,14 @@ Vector3 Ideal::own_newton(const At& at, bool& is_in_contact) {
   physics::SceneForce touch = is_due
                                   ? scene_.step(memory_, at.tool_m, at.tool_m_per_s, at.time_s)
                                   : scene_.evaluate(at.tool_m, at.tool_m_per_s, at.time_s, memory_);
-  elastic_.advance(at.time_s, at.tool_m, touch, is_jaw_closed_);
+  elastic_.advance(at.time_s, at.tool_m, touch, is_jaw_closed_, is_energised_);
   is_in_contact = touch.contact_count > 0;
   return limited_to_norm(force_on_hand(at.is_clutched, touch.force_on_tool_newton),
                          peak_force_newton_);
 }
 
 IdealState Ideal::advance(const DeviceTick& tick) {
-  is_jaw_closed_ = (tick.buttons & grip_buttons_) != 0;
+  note_buttons(tick.buttons);
   run_.advance_to(tick.sampled_at);
   run_map_.update(run_.state().hand_position_m, tick.is_clutched);
   return {run_map_.tool_position_world_m(run_.state().hand_position_m),

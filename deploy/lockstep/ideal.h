@@ -46,12 +46,15 @@ class Ideal {
   /// 0 while clutched.
   [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const Vector3& force_on_tool) const;
   void step_run(double time_s, const Vector3& hand_m);
+  void note_buttons(std::uint32_t buttons);
 
   physics::Scene scene_;
   physics::ElasticReference elastic_;      // under the run's own tool
   physics::ElasticReference run_elastic_;  // under that of the ideal run
   std::uint32_t grip_buttons_;             // 0: no gripper
+  std::uint32_t electrode_buttons_;        // 0: no electrode
   bool is_jaw_closed_ = false;             // at the newest tick
+  bool is_energised_ = false;              // likewise
   DeviceConfig device_;
   double peak_force_newton_;             // the smaller of the session's and the device's own
   physics::TissueMemory memory_;         // of the run's own tool

@@ -13,6 +13,7 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/session_warnings.h"
+#include "physics_node/elastic_tissue/ablation/ablated_body.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/elastic_tissue/jaw.h"
 
@@ -79,6 +80,32 @@ std::string gripper_line(const physics::ElasticBody& body, const Session& sessio
   return text;
 }
 
+/// How much of the surface the electrode reaches; a warning too, if that is not all of it.
+std::string electrode_line(const physics::ElasticBody& body, const Session& session,
+                           std::vector<std::string>& warnings) {
+  const ElectrodeConfig& electrode = *session.scene.electrode;
+  const double percent =
+      100.0 * physics::share_in_reach(body, electrode, session.scene.tip_radius_m);
+  char text[240];  // NOLINT: for snprintf
+  if (percent < 99.0) {
+    std::snprintf(text, sizeof text,
+                  "tissue \"%s\": the electrode ablates nothing at %.2g %% of the surface: make "
+                  "scene.tool.electrode.reach_m (%.3g m) longer, or the mesh finer",
+                  session.scene.tissues[body.tissue].name.c_str(), 100.0 - percent,
+                  electrode.reach_m);
+    warnings.emplace_back(text);
+  }
+  std::snprintf(text, sizeof text,
+                "electrode: %.3g W, at most %.3g mm³/s; reaches elements at %.3g %% of the surface "
+                "where a tip lies on it",
+                electrode.power_watt,
+                1e9 * electrode.power_watt /
+                    (electrode.energy_joule_per_kg *
+                     body.body->description().materials.front().density_kg_per_m3),
+                percent);
+  return text;
+}
+
 int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
   const Session session = options.load(verbosity);
   std::vector<std::string> reports;  // of elastic bodies
@@ -98,6 +125,9 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
       }
       if (session.scene.gripper) {
         reports.push_back("  " + gripper_line(*body, session, warnings));
+      }
+      if (session.scene.electrode) {
+        reports.push_back("  " + electrode_line(*body, session, warnings));
       }
     }
   } catch (const SetupError& error) {

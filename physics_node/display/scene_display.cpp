@@ -41,6 +41,7 @@ SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
   for (const TissueConfig& tissue : session.scene.tissues) {
     const ElasticTissue* const body = this->elastic(shapes_.size());
     shapes_.push_back(body != nullptr ? body->body().shape : to_shape(tissue.geometry));
+    bodies_.push_back(body != nullptr ? body->whole() : nullptr);
   }
 }
 
@@ -65,8 +66,7 @@ void SceneDisplay::build() {
     TissueSurface& surface = scene_.tissues.emplace_back();
     surface.name = tissue.name;
     surface.shape = shape_of(tissue.geometry);
-    const ElasticTissue* const body = elastic(i);
-    surface.mesh = body != nullptr ? display_mesh(body->body()) : display_mesh(shape, area);
+    surface.mesh = bodies_[i] ? display_mesh(*bodies_[i]) : display_mesh(shape, area);
     std::optional<DentedSurface>& dent = dents_.emplace_back();
     const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);
     if (material == nullptr) continue;
@@ -85,9 +85,8 @@ void SceneDisplay::build() {
 /// Parts come after all tissues, so that the indices of these are those of the session.
 void SceneDisplay::add_elastic_surfaces() {
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
-    const ElasticTissue* const tissue = elastic(i);
-    if (tissue == nullptr) continue;
-    const ElasticBody& body = tissue->body();
+    if (!bodies_[i]) continue;
+    const ElasticBody& body = *bodies_[i];
     scene_.tissues[i].vertex_stiffness_newton_per_m = display_stiffness_newton_per_m(body);
     elastic_surfaces_.push_back({i, i, 0, body.surface_nodes.size()});
     for (const BodyPart& part : body.parts) {
@@ -102,6 +101,21 @@ void SceneDisplay::add_elastic_surfaces() {
           static_cast<float>(hertz_slope_newton_per_m(material, body.tip_radius_m)));
     }
   }
+}
+
+/// Into the scene: the bodies of the newest surfaces.
+void SceneDisplay::take_bodies() {
+  bool is_new = false;
+  for (const auto& [tissue, newest] : deformed_) {
+    if (!newest.body || newest.body == bodies_[tissue]) continue;
+    bodies_[tissue] = newest.body;
+    scene_.tissues[tissue].mesh = display_mesh(*newest.body);
+    is_new = true;
+  }
+  if (!is_new) return;
+  scene_.tissues.resize(shapes_.size());
+  elastic_surfaces_.clear();
+  add_elastic_surfaces();
 }
 
 void SceneDisplay::set_material(std::size_t tissue, double stiffness_newton_per_m,
@@ -149,6 +163,7 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
   if (is_change_due_ && now >= next_change_at_) {
     is_change_due_ = false;
     next_change_at_ = now + kChangeInterval;
+    take_bodies();
     frame_.scene_revision = ++scene_.revision;
     send_scene(now);
     is_new_watcher = true;  // a new revision begins at rest
@@ -202,11 +217,18 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
 void SceneDisplay::send_elastic(bool is_new_watcher, const PhysicsTick& tick, TimePoint now) {
   for (std::size_t i = 0; elastic_ && i < elastic_->tissues().size(); ++i) {
     ElasticTissue& body = *elastic_->tissues()[i];
-    Deformed& newest = deformed_[body.body().tissue];
-    const bool is_new = body.take_surface(newest.vertices_m, newest.strain);
+    const std::size_t tissue = body.body().tissue;
+    Deformed& newest = deformed_[tissue];
+    auto taken = body.take_surface(newest.vertices_m, newest.strain);
+    const bool is_new = taken != nullptr;
+    if (is_new) newest.body = std::move(taken);
     if (newest.vertices_m.empty() || !(is_new || is_new_watcher)) continue;
+    if (newest.body != bodies_[tissue]) {  // the viewers have another mesh
+      is_change_due_ = true;
+      continue;
+    }
     for (const ElasticSurface& surface : elastic_surfaces_) {
-      if (surface.of_body != body.body().tissue) continue;
+      if (surface.of_body != tissue) continue;
       send(surface.tissue, {0, surface.node_count}, tick, now, &surface);
     }
   }

@@ -3,7 +3,8 @@
 //
 //   out  hop 5  SceneState  physics → viewers  on every subscription with the same revision:
 //                                              viewers that have it can ignore the repetition;
-//                                              with a higher one if a tissue has changed, ≤ 5 Hz
+//                                              with a higher one if a tissue has changed or
+//                                              has been ablated, ≤ 5 Hz
 //   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz per tissue, of tissue that is dented,
 //                                              deformed or has a motion of its own; of many moving
 //                                              tissues some in turn
@@ -70,14 +71,18 @@ class SceneDisplay final : public Display {
             const ElasticSurface* elastic = nullptr);
   [[nodiscard]] ElasticTissue* elastic(std::size_t tissue) const;
   void add_elastic_surfaces();
+  void take_bodies();
   void send_elastic(bool is_new_watcher, const PhysicsTick& tick, TimePoint now);
 
   const Session& session_;
   std::shared_ptr<ElasticTissues> elastic_;
   struct Deformed {
+    std::shared_ptr<const ElasticBody> body;  // of which the rest is
     std::vector<float> vertices_m;
     std::vector<float> strain;
   };
+  std::vector<std::shared_ptr<const ElasticBody>>
+      bodies_;  // by tissue: in the scene; null: not elastic
   std::vector<ElasticSurface> elastic_surfaces_;
   std::map<std::size_t, Deformed>
       deformed_;               // by tissue of the session: the newest of elastic ones

@@ -53,4 +53,19 @@ void Relaxation::forget() {
   if (is_there()) creep_.setZero();
 }
 
+Relaxation Relaxation::of(const std::vector<std::uint32_t>& nodes) const {
+  Relaxation part(branches_, 3 * static_cast<Eigen::Index>(nodes.size()));
+  const auto take = [&](const VectorXd& from, VectorXd& to) {
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      to.segment<3>(3 * static_cast<Eigen::Index>(i)) = from.segment<3>(3 * Eigen::Index{nodes[i]});
+    }
+  };
+  for (std::size_t i = 0; i < branches_.size(); ++i) {
+    take(forces_[i], part.forces_[i]);
+    take(ways_[i], part.ways_[i]);
+  }
+  if (is_there()) take(creep_, part.creep_);
+  return part;
+}
+
 }  // namespace palpate::elastic

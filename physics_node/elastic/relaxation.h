@@ -11,6 +11,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <vector>
 
 #include "physics_node/elastic/material.h"
@@ -47,6 +48,8 @@ class Relaxation {
   void end(double step_s, const VectorXd& spring_change_newton, const VectorXd& way_m);
   /// All has relaxed.
   void forget();
+  /// That of some of the nodes.
+  [[nodiscard]] Relaxation of(const std::vector<std::uint32_t>& nodes) const;
 
   /// Σ γ h of the places: where the body would come to rest under its forces, from where it is.
   [[nodiscard]] const VectorXd& creep_m() const noexcept { return creep_; }

@@ -78,6 +78,21 @@ void SphereContact::forget() noexcept {
   settled_.clear();
 }
 
+void SphereContact::continue_as(const SphereContact& other,
+                                const std::vector<std::int32_t>& old_points) {
+  forget();
+  set_sphere(other.centre_m_, other.radius_m_);
+  seen_from_m_ = other.seen_from_m_;
+  nearest_m_ = other.nearest_m_;
+  for (std::uint32_t i = 0; i < old_points.size(); ++i) {
+    if (old_points[i] < 0) continue;
+    const auto old = static_cast<std::size_t>(old_points[i]);
+    multipliers_pa_[i] = other.multipliers_pa_[old];
+    sides_[i] = other.sides_[old];
+    cones_[i] = other.cones_[old];
+  }
+}
+
 void SphereContact::choose_near(const double* x_m, double margin_m) {
   near_.clear();
   const double reach_m = radius_m_ + margin_m;

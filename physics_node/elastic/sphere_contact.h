@@ -77,6 +77,9 @@ class SphereContact : public Obstacle {
   void choose_near(const double* x_m, double margin_m);
   /// The tool is elsewhere: as if new.
   void forget() noexcept;
+  /// As that of another body, the points of which are these where they are still there.
+  /// @param old_points  by point: its index there, −1: none
+  void continue_as(const SphereContact& other, const std::vector<std::int32_t>& old_points);
   double add_gradient(const double* x_m, double* gradient) const override;
   void add_stiffness(const double* x_m, const BlockPattern& pattern,
                      BlockValues& values) const override;

@@ -94,45 +94,36 @@ std::string complaint_about_elements(const std::vector<Corners>& elements, Parts
   return "";
 }
 
-}  // namespace
-
-std::string complaint_about_support(const Mesh& mesh,
-                                    const std::vector<std::uint32_t>& held_nodes) {
-  std::vector<Corners> elements;
-  for (std::size_t e = 0; e < mesh.element_count(); ++e) {
-    Corners corners{};
-    std::copy_n(mesh.element(e).begin(), kCorners, corners.begin());
-    elements.push_back(corners);
+std::vector<Corners> corners_of(const Mesh& mesh) {
+  std::vector<Corners> elements(mesh.element_count());
+  for (std::size_t e = 0; e < elements.size(); ++e) {
+    std::copy_n(mesh.element(e).begin(), kCorners, elements[e].begin());
   }
-  Parts parts(elements.size());
-  if (std::string complaint = complaint_about_elements(elements, parts); !complaint.empty()) {
-    return complaint;
-  }
+  return elements;
+}
 
-  // the nodes of each part
+/// How those of some nodes that are held hold what these belong to: as hold_of().
+int hold_by(const Mesh& mesh, const std::vector<std::uint32_t>& nodes,
+            const std::vector<bool>& is_held_node) {
+  std::vector<std::uint32_t> held;
+  std::copy_if(nodes.begin(), nodes.end(), std::back_inserter(held),
+               [&](std::uint32_t node) { return is_held_node[node]; });
+  return hold_of(mesh, held);
+}
+
+/// The nodes of each part that nothing holds; what is held holds its neighbours.
+std::map<std::uint32_t, std::vector<std::uint32_t>> loose_parts(const Mesh& mesh, Parts& parts,
+                                                                std::vector<bool>& is_held_node) {
   std::map<std::uint32_t, std::vector<std::uint32_t>> nodes_of;
-  std::map<std::uint32_t, std::size_t> elements_of;
-  for (std::uint32_t e = 0; e < elements.size(); ++e) {
-    const std::uint32_t part = parts.of(e);
+  for (std::uint32_t e = 0; e < mesh.element_count(); ++e) {
     const auto nodes = mesh.element(e);
-    nodes_of[part].insert(nodes_of[part].end(), nodes.begin(), nodes.end());
-    ++elements_of[part];
+    std::vector<std::uint32_t>& all = nodes_of[parts.of(e)];
+    all.insert(all.end(), nodes.begin(), nodes.end());
   }
-  std::vector<bool> is_held_node(mesh.nodes_m.size(), false);
-  for (const std::uint32_t node : held_nodes) {
-    if (node < is_held_node.size()) is_held_node[node] = true;
-  }
-  // what is held holds its neighbours
-  const auto hold = [&](const std::vector<std::uint32_t>& nodes) {
-    std::vector<std::uint32_t> held;
-    std::copy_if(nodes.begin(), nodes.end(), std::back_inserter(held),
-                 [&](std::uint32_t node) { return is_held_node[node]; });
-    return hold_of(mesh, held);
-  };
   for (bool is_more = true; is_more;) {
     is_more = false;
     for (auto part = nodes_of.begin(); part != nodes_of.end();) {
-      if (hold(part->second) < 3) {
+      if (hold_by(mesh, part->second, is_held_node) < 3) {
         ++part;
         continue;
       }
@@ -141,15 +132,108 @@ std::string complaint_about_support(const Mesh& mesh,
       is_more = true;
     }
   }
-  if (nodes_of.empty()) return "";
-  const auto& [part, nodes] = *nodes_of.begin();
+  return nodes_of;
+}
+
+std::vector<bool> marked(const Mesh& mesh, const std::vector<std::uint32_t>& nodes) {
+  std::vector<bool> is_in(mesh.nodes_m.size(), false);
+  for (const std::uint32_t node : nodes) {
+    if (node < is_in.size()) is_in[node] = true;
+  }
+  return is_in;
+}
+
+}  // namespace
+
+std::string complaint_about_support(const Mesh& mesh,
+                                    const std::vector<std::uint32_t>& held_nodes) {
+  const std::vector<Corners> elements = corners_of(mesh);
+  Parts parts(elements.size());
+  if (std::string complaint = complaint_about_elements(elements, parts); !complaint.empty()) {
+    return complaint;
+  }
+  std::vector<bool> is_held_node = marked(mesh, held_nodes);
+  const auto loose = loose_parts(mesh, parts, is_held_node);
+  if (loose.empty()) return "";
+  const auto& [part, nodes] = *loose.begin();
   constexpr std::array<const char*, 3> kHold = {"is not held anywhere", "is held at one point only",
                                                 "is held along a line only and turns about it"};
-  return "a part of " + std::to_string(elements_of[part]) + " of " +
+  return "a part of " +
+         std::to_string(nodes.size() / static_cast<std::size_t>(mesh.nodes_per_element)) + " of " +
          std::to_string(elements.size()) + " tetrahedra (the first is number " +
-         std::to_string(part + 1) + ") " + kHold[static_cast<std::size_t>(hold(nodes))] +
+         std::to_string(part + 1) + ") " +
+         kHold[static_cast<std::size_t>(hold_by(mesh, nodes, is_held_node))] +
          "; let elastic.fixed or elastic.attached reach three of its nodes that are not on a "
          "line, join it to the rest by faces, or remove it";
+}
+
+std::vector<std::uint32_t> loose_elements(const Mesh& mesh,
+                                          const std::vector<std::uint32_t>& held_nodes) {
+  const std::vector<Corners> elements = corners_of(mesh);
+  Parts parts(elements.size());
+  static_cast<void>(complaint_about_elements(elements, parts));
+  std::vector<bool> is_held_node = marked(mesh, held_nodes);
+  const auto loose = loose_parts(mesh, parts, is_held_node);
+  std::vector<std::uint32_t> found;
+  for (std::uint32_t e = 0; e < elements.size(); ++e) {
+    if (loose.count(parts.of(e)) > 0) found.push_back(e);
+  }
+  return found;
+}
+
+std::vector<std::uint32_t> hinged_elements(const Mesh& mesh) {
+  using Edge = std::pair<std::uint32_t, std::uint32_t>;
+  std::map<Edge, int> faces_at;
+  for (const Face& face : surface_of(mesh)) {
+    for (std::size_t i = 0; i < 3; ++i)
+      ++faces_at[std::minmax(face.nodes[i], face.nodes[(i + 1) % 3])];
+  }
+  std::map<Edge, std::vector<std::uint32_t>> hinges;  // and the elements there
+  for (const auto& [edge, faces] : faces_at) {
+    if (faces > 2) hinges[edge];
+  }
+  for (std::uint32_t e = 0; e < mesh.element_count() && !hinges.empty(); ++e) {
+    const auto nodes = mesh.element(e);
+    for (const auto& [a, b] : kEdges) {
+      const auto hinge = hinges.find(
+          std::minmax(nodes[static_cast<std::size_t>(a)], nodes[static_cast<std::size_t>(b)]));
+      if (hinge != hinges.end()) hinge->second.push_back(e);
+    }
+  }
+  std::vector<std::uint32_t> found;
+  for (const auto& [edge, elements] : hinges) {
+    // elements at one edge share a face if they share a third corner
+    Parts parts(elements.size());
+    const auto shares_face = [&](std::uint32_t a, std::uint32_t b) {
+      const auto corners = mesh.element(a).first(kCorners);
+      const auto others = mesh.element(b).first(kCorners);
+      return std::count_if(corners.begin(), corners.end(), [&](std::uint32_t node) {
+               return std::find(others.begin(), others.end(), node) != others.end();
+             }) == 3;
+    };
+    std::map<std::uint32_t, double> volume_of;
+    for (std::uint32_t i = 0; i < elements.size(); ++i) {
+      for (std::uint32_t j = 0; j < i; ++j) {
+        if (shares_face(elements[i], elements[j])) parts.merge(i, j);
+      }
+    }
+    for (std::uint32_t i = 0; i < elements.size(); ++i) {
+      const auto nodes = mesh.element(elements[i]);
+      const Vector3d& first = mesh.nodes_m[nodes[0]];
+      volume_of[parts.of(i)] +=
+          (mesh.nodes_m[nodes[1]] - first)
+              .dot((mesh.nodes_m[nodes[2]] - first).cross(mesh.nodes_m[nodes[3]] - first));
+    }
+    const auto largest =
+        std::max_element(volume_of.begin(), volume_of.end(),
+                         [](const auto& a, const auto& b) { return a.second < b.second; });
+    for (std::uint32_t i = 0; i < elements.size(); ++i) {
+      if (parts.of(i) != largest->first) found.push_back(elements[i]);
+    }
+  }
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
 }
 
 }  // namespace palpate::elastic

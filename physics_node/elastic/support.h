@@ -19,4 +19,13 @@ namespace palpate::elastic {
 [[nodiscard]] std::string complaint_about_support(const Mesh& mesh,
                                                   const std::vector<std::uint32_t>& held_nodes);
 
+/// The elements of the parts that are not held, in the sense of complaint_about_support().
+[[nodiscard]] std::vector<std::uint32_t> loose_elements(
+    const Mesh& mesh, const std::vector<std::uint32_t>& held_nodes);
+
+/// Around each edge where more than two faces of the surface meet: the elements there that are
+/// joined by faces to less volume than others are. They turn about the edge as about a hinge, and
+/// the surface has no inside there. Without them other edges may be like that.
+[[nodiscard]] std::vector<std::uint32_t> hinged_elements(const Mesh& mesh);
+
 }  // namespace palpate::elastic

@@ -119,26 +119,27 @@ std::vector<std::uint32_t> nodes_of(const elastic::Mesh& mesh,
   return nodes;
 }
 
-/// The surface of the elements of one region.
-std::vector<elastic::Face> faces_of_region(const elastic::Mesh& mesh, std::uint8_t region) {
+/// The surface of the elements of one part.
+std::vector<elastic::Face> faces_of_part(const elastic::Mesh& mesh, std::size_t parts,
+                                         std::uint8_t region) {
   elastic::Mesh part{.nodes_m = mesh.nodes_m,
                      .nodes_per_element = mesh.nodes_per_element,
                      .elements = {},
                      .regions = {}};
   for (std::size_t e = 0; e < mesh.element_count(); ++e) {
     const auto nodes = mesh.element(e);
-    if (mesh.regions[e] == region) {
+    if (mesh.regions[e] % (parts + 1) == region) {
       part.elements.insert(part.elements.end(), nodes.begin(), nodes.end());
     }
   }
   return elastic::surface_of(part);
 }
 
-void add_parts(const elastic::Mesh& mesh, std::size_t parts, ElasticBody& body) {
+void add_parts(const elastic::Mesh& mesh, ElasticBody& body) {
   body.shown_nodes = body.surface_nodes;
-  for (std::size_t region = 1; region <= parts; ++region) {
+  for (std::size_t region = 1; region <= body.part_count; ++region) {
     BodyPart part{.region = static_cast<std::uint8_t>(region)};
-    part.faces = faces_of_region(mesh, part.region);
+    part.faces = faces_of_part(mesh, body.part_count, part.region);
     if (part.faces.empty()) continue;
     const std::vector<std::uint32_t> nodes = nodes_of(mesh, part.faces);
     part.first_node = body.shown_nodes.size();
@@ -221,6 +222,62 @@ elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vec
       "load");
 }
 
+/// The rest of a body whose constants are known.
+/// @param start_m  where the search for its rest position begins; empty: it is in the mesh
+/// @param name     begins the message of a SetupError
+void complete(elastic::BodyDescription description, elastic::VectorXd start_m,
+              const elastic::Body* alike, const std::string& name, ElasticBody& made) {
+  made.faces = elastic::surface_of(description.mesh);
+  made.points = contact_points(description.mesh, made.faces, made.tip_radius_m);
+  made.surface_nodes = nodes_of(description.mesh, made.faces);
+  add_parts(description.mesh, made);
+  try {
+    made.body = std::make_unique<const elastic::Body>(std::move(description), alike);
+  } catch (const std::invalid_argument& error) {
+    throw SetupError(name + error.what());
+  }
+
+  const bool has_start = start_m.size() > 0;
+  made.start_m = has_start ? std::move(start_m) : made.body->rest_m();
+  if (made.body->load_newton().size() > 0 || has_start) {
+    elastic::EquilibriumSearch search(*made.body);
+    elastic::WarpedFactor factor(*made.body, elastic::Precision::kDouble);
+    const elastic::SearchReport report = elastic::find_rest(
+        search, factor, nullptr,
+        {.tolerance_m = kRestTolerance_m, .most_iterations = 1000, .slow_iterations = 8},
+        made.start_m);
+    if (!report.is_converged || !report.is_finite) {
+      throw SetupError(name +
+                       "finds no rest position under gravity; is the mesh in metres "
+                       "(unit_m), is young_pa in Pa, are enough places fixed?");
+    }
+    for (Eigen::Index i = 0; i < made.start_m.size(); i += 3) {
+      made.sag_m = std::max(
+          made.sag_m, (made.start_m.segment<3>(i) - made.body->rest_m().segment<3>(i)).norm());
+    }
+  }
+  if (made.body->description().branches.empty()) {  // which the modes do not know
+    const double young_pa = made.body->description().materials.front().young_modulus_pa;
+    elastic::WarpedFactor at_rest(*made.body, elastic::Precision::kDouble);
+    made.slow_modes =
+        elastic::slow_modes_of(*made.body, at_rest, kShortestPeriods / made.solve_rate_hz,
+                               kLeastGive / (young_pa * made.tip_radius_m), kMostSlowModes);
+  }
+  TriangleMesh surface;
+  std::vector<std::uint32_t> vertex_of(made.body->node_count(), 0);
+  for (const std::uint32_t node : made.surface_nodes) {
+    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
+    surface.vertices_m.emplace_back(made.start_m.segment<3>(3 * Eigen::Index{node}));
+  }
+  for (const auto& [a, b, c] : triangles_of(made)) {
+    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
+  }
+  const std::string complaint = complaint_about(surface);
+  if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
+  made.shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
+  made.bounds = made.shape.bounds().value_or(Bounds{});
+}
+
 }  // namespace
 
 double hertz_slope_newton_per_m(const elastic::Material& material, double tip_radius_m) {
@@ -288,10 +345,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
     idle.push_back(idle_place("part", i, "has no element of the mesh, or a later part has them"));
   }
   made->idle_places = std::move(idle);
-  made->faces = elastic::surface_of(description.mesh);
-  made->points = contact_points(description.mesh, made->faces, tip_radius_m);
-  made->surface_nodes = nodes_of(description.mesh, made->faces);
-  add_parts(description.mesh, material.parts.size(), *made);
+  made->part_count = material.parts.size();
   made->tip_radius_m = tip_radius_m;
   made->contact_stiffness_pa_per_m = kContactStiffness * material.young_pa / tip_radius_m;
   made->hertz_newton = 4.0 / 3.0 * material.young_pa /
@@ -302,53 +356,27 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                              ((1.0 + material.poisson_ratio) * (2.0 - material.poisson_ratio));
   made->solve_rate_hz = material.solve_rate_hz;
   made->viscosity_s = material.viscosity_s;
-  try {
-    made->body = std::make_unique<const elastic::Body>(std::move(description));
-  } catch (const std::invalid_argument& error) {
-    throw SetupError(name + error.what());
-  }
+  if (unloaded) made->scan_error_m = unloaded->away_m;
+  complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), nullptr,
+           name, *made);
+  return made;
+}
 
-  made->start_m = made->body->rest_m();
-  if (unloaded) {
-    made->start_m = unloaded->loaded_m;
-    made->scan_error_m = unloaded->away_m;
-  }
-  if (!material.gravity_m_per_s2.isZero(0.0) || unloaded) {
-    elastic::EquilibriumSearch search(*made->body);
-    elastic::WarpedFactor factor(*made->body, elastic::Precision::kDouble);
-    const elastic::SearchReport report = elastic::find_rest(
-        search, factor, nullptr,
-        {.tolerance_m = kRestTolerance_m, .most_iterations = 1000, .slow_iterations = 8},
-        made->start_m);
-    if (!report.is_converged || !report.is_finite) {
-      throw SetupError(name +
-                       "finds no rest position under gravity; is the mesh in metres "
-                       "(unit_m), is young_pa in Pa, are enough places fixed?");
-    }
-    for (Eigen::Index i = 0; i < made->start_m.size(); i += 3) {
-      made->sag_m = std::max(
-          made->sag_m, (made->start_m.segment<3>(i) - made->body->rest_m().segment<3>(i)).norm());
-    }
-  }
-  if (material.branches.empty()) {  // which the modes do not know
-    elastic::WarpedFactor at_rest(*made->body, elastic::Precision::kDouble);
-    made->slow_modes =
-        elastic::slow_modes_of(*made->body, at_rest, kShortestPeriods / made->solve_rate_hz,
-                               kLeastGive / (material.young_pa * tip_radius_m), kMostSlowModes);
-  }
-  TriangleMesh surface;
-  std::vector<std::uint32_t> vertex_of(made->body->node_count(), 0);
-  for (const std::uint32_t node : made->surface_nodes) {
-    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
-    surface.vertices_m.emplace_back(made->start_m.segment<3>(3 * Eigen::Index{node}));
-  }
-  for (const auto& [a, b, c] : triangles_of(*made)) {
-    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
-  }
-  const std::string complaint = complaint_about(surface);
-  if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
-  made->shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
-  made->bounds = made->shape.bounds().value_or(Bounds{});
+std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
+                                                       elastic::BodyDescription description,
+                                                       elastic::VectorXd start_m,
+                                                       const elastic::Body* alike) {
+  auto made = std::make_shared<ElasticBody>(ElasticBody{
+      .tissue = like.tissue, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});
+  made->part_count = like.part_count;
+  made->tip_radius_m = like.tip_radius_m;
+  made->contact_stiffness_pa_per_m = like.contact_stiffness_pa_per_m;
+  made->hertz_newton = like.hertz_newton;
+  made->friction_coefficient = like.friction_coefficient;
+  made->shear_newton_per_m = like.shear_newton_per_m;
+  made->solve_rate_hz = like.solve_rate_hz;
+  made->viscosity_s = like.viscosity_s;
+  complete(std::move(description), std::move(start_m), alike, "", *made);
   return made;
 }
 

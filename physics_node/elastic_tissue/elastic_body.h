@@ -44,7 +44,10 @@ struct ElasticBody {
   std::vector<elastic::Face> faces = {};
   std::vector<elastic::SurfacePoint> points = {};  ///< of the contact
   std::vector<std::uint32_t> surface_nodes = {};
-  std::vector<BodyPart> parts = {};             ///< those that have elements
+  std::vector<BodyPart> parts = {};  ///< those that have elements
+  /// That the session has. Region r of the mesh is part r mod (part_count + 1), 0 is none; those
+  /// from part_count + 1 on are softened.
+  std::size_t part_count = 0;
   std::vector<std::uint32_t> shown_nodes = {};  ///< of the surface, then of each part's
   elastic::VectorXd start_m = {};               ///< at rest under gravity, untouched
   std::vector<std::string> idle_places = {};    ///< fields of the session that catch nothing
@@ -81,6 +84,15 @@ struct ElasticBody {
 [[nodiscard]] std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                                                                    std::uint32_t index,
                                                                    double tip_radius_m);
+
+/// A body like this one, of another description: fewer elements, other materials. Takes up to
+/// seconds.
+/// @param start_m  where the search for its rest position begins
+/// @param alike    of the same elements, or null @see elastic::Body
+/// @throws SetupError  it cannot be used @see make_elastic_body
+[[nodiscard]] std::shared_ptr<const ElasticBody> remade_elastic_body(
+    const ElasticBody& like, elastic::BodyDescription description, elastic::VectorXd start_m,
+    const elastic::Body* alike);
 
 /// The elastic bodies of a scene; empty: it has none. @throws SetupError  @see make_elastic_body
 [[nodiscard]] std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(

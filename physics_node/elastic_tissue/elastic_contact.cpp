@@ -71,6 +71,11 @@ bool TipSide::follow(const Surface& surface, const Bounds& bounds, double tip_ra
   return is_known_;
 }
 
+void TipSide::change_to(const Surface& surface) noexcept {
+  proxy_.hint = {};
+  is_known_ = is_known_ && surface.view(proxy_.place_m).distance_m > 0.0;
+}
+
 void Rubbing::settle(const Vector3& tip_m, double friction_coefficient, double shear_newton_per_m,
                      Contact& contact) noexcept {
   if (!(friction_coefficient > 0.0)) return;

@@ -46,6 +46,9 @@ class TipSide {
   /// @param reach_m  from the tip's surface   @param time_s  not before that of the last call
   bool follow(const Surface& surface, const Bounds& bounds, double tip_radius_m, double reach_m,
               const Vector3& tip_m, double time_s) noexcept;
+  /// From now on follow() gets another surface, of what is left of the body. A proxy that is
+  /// outside of that too goes on.
+  void change_to(const Surface& surface) noexcept;
   /// From the centre of the tip. @pre  follow() was true
   [[nodiscard]] const SurfaceView& view() const noexcept { return proxy_.surface; }
   /// Of the sphere, outside. @pre  follow() was true

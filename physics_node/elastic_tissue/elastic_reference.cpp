@@ -20,21 +20,30 @@ constexpr double kReach_m = 0.05;
 
 ElasticReference::ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies,
                                    double tip_radius_m, double step_s,
-                                   const std::optional<GripperConfig>& gripper)
-    : tip_radius_m_(tip_radius_m), step_s_(step_s), gripper_(gripper) {
-  for (auto& body : bodies) {
+                                   const std::optional<GripperConfig>& gripper,
+                                   const std::optional<ElectrodeConfig>& electrode)
+    : whole_(std::move(bodies)), tip_radius_m_(tip_radius_m), step_s_(step_s), gripper_(gripper) {
+  for (const auto& body : whole_) {
     One& one = bodies_.emplace_back();
-    one.body = std::move(body);
+    one.body = body;
     one.simulation = std::make_unique<ElasticSimulation>(*one.body, 1, tip_radius_m, step_s);
     one.stiffness_newton_per_m = elastic_stiffness(one.body->hertz_newton, kHertzDepth_m);
-    if (gripper_) one.compliance = std::make_shared<BodyCompliance>(one.body);
+    if (gripper_ || electrode) one.compliance = std::make_shared<BodyCompliance>(one.body);
+    if (electrode) {
+      one.ablation = std::make_unique<Ablation>(one.compliance, *electrode, tip_radius_m, 1, false);
+    }
   }
 }
 
-std::vector<std::shared_ptr<const ElasticBody>> ElasticReference::bodies() const {
-  std::vector<std::shared_ptr<const ElasticBody>> bodies;
-  for (const One& one : bodies_) bodies.push_back(one.body);
-  return bodies;
+void ElasticReference::change_body(One& one) const {
+  const auto next = one.ablation->advance(step_s_, one.simulation->x_m());
+  if (next == nullptr) return;
+  one.simulation =
+      std::make_unique<ElasticSimulation>(*next->body(), *one.simulation, next->change, false);
+  one.side.change_to(next->body()->shape);
+  one.held.change_body(*one.simulation, 0);
+  one.compliance = next->shared;
+  one.body = next->body();
 }
 
 std::uint64_t ElasticReference::failed_steps() const noexcept {
@@ -63,12 +72,17 @@ void ElasticReference::close(const Vector3& tip_m, bool is_closed) {
   if (nearest != nullptr) nearest->jaw.set(closings_);
 }
 
-void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& sum,
-                               bool is_closed) {
+void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& sum, bool is_closed,
+                               bool is_energised) {
   const bool is_due = !next_s_ || time_s > *next_s_ - 1e-6 * step_s_;
   if (is_due) {
     if (gripper_) close(tip_m, is_closed);
-    for (One& one : bodies_) step(one, tip_m, time_s);
+    for (One& one : bodies_) {
+      if (one.ablation) change_body(one);
+      step(one, tip_m, time_s);
+      if (one.ablation && is_energised)
+        one.ablation->heat(0, one.simulation->x_m(), tip_m, step_s_);
+    }
     tip_m_ = tip_m;
     next_s_ = std::max(next_s_.value_or(time_s) + step_s_, time_s);
   }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "physics_node/elastic_tissue/ablation/ablation.h"
 #include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
@@ -19,20 +20,26 @@ namespace palpate::physics {
 /// The elastic bodies of a scene under one tip. Not for the haptic step: milliseconds a step.
 class ElasticReference {
  public:
-  /// @param bodies  may be empty   @param step_s  > 0   @param gripper  none: the tool only touches
+  /// @param bodies  may be empty   @param step_s  > 0
+  /// @param gripper, electrode  none: the tool only touches
   ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies, double tip_radius_m,
-                   double step_s, const std::optional<GripperConfig>& gripper = {});
+                   double step_s, const std::optional<GripperConfig>& gripper = {},
+                   const std::optional<ElectrodeConfig>& electrode = {});
 
   /// Makes a step with the tip there whenever one is due, and adds the contacts: at a step the
   /// force is that of the full solution, between two it follows Hertz's law.
   /// @param time_s     not before that of the last call
   /// @param is_closed  the jaws; they slip, tear and lose as SlippingJaw says, at every step
-  void advance(double time_s, const Vector3& tip_m, SceneForce& sum, bool is_closed = false);
+  /// @param is_energised  the electrode: elements take up their doses at every step here, and the
+  ///     bodies that are left come as late as in a simulation (Ablation::kLatency_s)
+  void advance(double time_s, const Vector3& tip_m, SceneForce& sum, bool is_closed = false,
+               bool is_energised = false);
 
   /// The force on a tip elsewhere since the last step, by that law.
   [[nodiscard]] Vector3 force_at(const Vector3& tip_m) const noexcept;
 
-  [[nodiscard]] std::vector<std::shared_ptr<const ElasticBody>> bodies() const;
+  /// As they are in the session.
+  [[nodiscard]] std::vector<std::shared_ptr<const ElasticBody>> bodies() const { return whole_; }
 
   /// Full solutions that failed (elastic_simulation.h).
   [[nodiscard]] std::uint64_t failed_steps() const noexcept;
@@ -46,7 +53,8 @@ class ElasticReference {
     Contact contact{};
     Rubbing rubbing{};
     Vector3 full_newton = Vector3::Zero();         // on the tool
-    std::shared_ptr<BodyCompliance> compliance{};  // with a gripper
+    std::shared_ptr<BodyCompliance> compliance{};  // with a gripper or an electrode
+    std::unique_ptr<Ablation> ablation{};          // with an electrode
     Jaw held{};
     SlippingJaw jaw{};
     Vector3 velocity_m_per_s = Vector3::Zero();  // of the tool that holds it, at the last step
@@ -55,7 +63,9 @@ class ElasticReference {
   void step(One& one, const Vector3& tip_m, double time_s) const;
   void close(const Vector3& tip_m, bool is_closed);
   void hold(One& one, const Vector3& tip_m) const;
+  void change_body(One& one) const;
 
+  std::vector<std::shared_ptr<const ElasticBody>> whole_;
   double tip_radius_m_;
   double step_s_;
   std::optional<GripperConfig> gripper_;

@@ -17,6 +17,8 @@
 
 namespace palpate::physics {
 
+struct BodyChange;
+
 /// Where a tip is, and the friction that acts on it.
 struct TipState {
   Vector3 tip_m = Vector3::Zero();
@@ -33,6 +35,11 @@ class ElasticSimulation {
   /// @param is_folded  fold() will be called
   ElasticSimulation(const ElasticBody& body, std::size_t tools, double tip_radius_m, double step_s,
                     bool is_folded = false);
+
+  /// Goes on as another one, of a body of which something has vanished since: the rest is where it
+  /// was, moves as it did, and is held and touched as it was; @see AblatedBody.
+  ElasticSimulation(const ElasticBody& body, const ElasticSimulation& before,
+                    const BodyChange& change, bool is_folded);
 
   /// Continues as the other would, to the bit. @pre  of the same body, as many tools
   void continue_as(const ElasticSimulation& other);

@@ -50,39 +50,48 @@ constexpr double kSamePlace_m = 2e-4;
 
 ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t tools,
                              double tip_radius_m, bool is_folded,
-                             const std::optional<GripperConfig>& gripper)
-    : shared_(std::move(shared)),
-      body_(shared_->body()),
-      compliance_(shared_->compliance()),
+                             const std::optional<GripperConfig>& gripper,
+                             const std::optional<ElectrodeConfig>& electrode, bool is_in_background)
+    : whole_(shared->body()),
+      shared_(std::move(shared)),
+      body_(whole_),
       tip_radius_m_(tip_radius_m),
       is_folded_(is_folded),
       gripper_(gripper),
-      simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz, is_folded),
+      simulation_(std::make_unique<ElasticSimulation>(*body_, tools, tip_radius_m,
+                                                      1.0 / body_->solve_rate_hz, is_folded)),
       makers_(tools),
       tips_(tools) {
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.push_back(std::make_unique<Tool>());
     tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
+    tools_.back()->surface_of = whole_.get();
+  }
+  if (electrode) {
+    ablation_ =
+        std::make_unique<Ablation>(shared_, *electrode, tip_radius_m, tools, is_in_background);
   }
   if (is_folded_) fold();
 }
 
 ElasticTissue::Columns ElasticTissue::columns() const noexcept {
-  return {.all = compliance_.all_columns().size(), .computed = compliance_.columns_made()};
+  return {.all = compliance().all_columns().size(), .computed = compliance().columns_made()};
 }
 
 // --- the steps of a tool -------------------------------------------------------------------------
 
-void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
-                         double time_s) noexcept {
+void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m, double time_s,
+                         bool is_energised) noexcept {
   Tool& own = *tools_[tool];
+  if (ablation_) follow_body(own);
+  if (is_energised && own.side.is_known()) own.energised_s += std::max(0.0, time_s - own.time_s);
   own.tip_m = tip_m;
   own.time_s = time_s;
   own.last_passed = (own.last_passed + 1) % own.passed.size();
   own.passed[own.last_passed] = {.tip_m = tip_m, .time_s = time_s};
   own.reach_m = reach_m;
-  const bool is_near =
-      own.side.follow(body_->shape, body_->bounds, tip_radius_m_, reach_m, tip_m, time_s);
+  const bool is_near = own.side.follow(own.surface_of->shape, own.surface_of->bounds, tip_radius_m_,
+                                       reach_m, tip_m, time_s);
   if (!is_near) own.rubbing = {};
   if (!is_near && !own.is_holding) {
     own.tip.store({});
@@ -107,6 +116,7 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
                  .friction_y_newton = friction.y(),
                  .friction_z_newton = friction.z(),
                  .time_s = time_s,
+                 .energised_s = own.energised_s,
                  .is_known = true});
 }
 
@@ -206,7 +216,7 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
   double depth_m = penetration_m;  // of the law
   if (prepared == nullptr || !is_among(*prepared, tip_m, view.normal)) {
     // nothing is known of this place but its material
-    own.stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
+    own.stiffness_newton_per_m = elastic_stiffness(whole_->hertz_newton, kHertzDepth_m);
   } else if (penetration_m > -tip_radius_m_) {
     const Vector3 force = press(own, *prepared);
     // in doubt there is no force
@@ -233,9 +243,9 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
       }
     }
   }
-  contact = elastic_contact(body_->tissue, view, depth_m, own.normal, own.stiffness_newton_per_m,
+  contact = elastic_contact(whole_->tissue, view, depth_m, own.normal, own.stiffness_newton_per_m,
                             tip_radius_m_);
-  rubbing.settle(tip_m, body_->friction_coefficient, body_->shear_newton_per_m, contact);
+  rubbing.settle(tip_m, whole_->friction_coefficient, whole_->shear_newton_per_m, contact);
   own.rubbing = rubbing;
   return contact.force_on_tool_newton.allFinite();
 }
@@ -285,24 +295,26 @@ void ElasticTissue::solve(double step_s) {
                 .friction_on_tool_newton = {tip.friction_x_newton, tip.friction_y_newton,
                                             tip.friction_z_newton}};
   }
+  if (ablation_) change_body(step_s);
   if (gripper_) close_jaws();
-  const bool has_stepped = simulation_.step(tips_, step_s);
+  const bool has_stepped = simulation_->step(tips_, step_s);
   has_moved_ = has_moved_ || has_stepped;
   if (has_stepped) {
     ++figures_.solves;
-    figures_.residual_ratio = simulation_.report().search.residual_ratio;
+    figures_.residual_ratio = simulation_->report().search.residual_ratio;
     for (auto& tool : tools_) {
-      measure(*tool, simulation_.touch(static_cast<std::size_t>(&tool - tools_.data())), step_s);
+      measure(*tool, simulation_->touch(static_cast<std::size_t>(&tool - tools_.data())), step_s);
     }
   } else {
     ++figures_.skipped;
   }
   if (gripper_) read_jaws(step_s);
-  figures_.failed = simulation_.failed_steps() + without_compliance_;
-  figures_.repaired = simulation_.repaired_steps();
-  figures_.appeared = simulation_.appeared();
+  if (ablation_) heat();
+  figures_.failed = simulation_->failed_steps() + without_compliance_;
+  figures_.repaired = simulation_->repaired_steps();
+  figures_.appeared = simulation_->appeared();
   for (std::size_t i = 0; i < tools_.size(); ++i) {
-    if (!simulation_.touch(i).is_near) continue;
+    if (!simulation_->touch(i).is_near) continue;
     try {  // an untouched body at rest is prepared once; what has failed, never
       if (has_stepped || !tools_[i]->last) prepare(i, step_s);
       describe_patch(i, has_stepped);
@@ -344,21 +356,24 @@ void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch, d
 
 void ElasticTissue::prepare(std::size_t index, double step_s) {
   Tool& tool = *tools_[index];
-  const ElasticSimulation::Touch& touch = simulation_.touch(index);
+  const ElasticSimulation::Touch& touch = simulation_->touch(index);
   Prepared& draft = tool.prepared.draft();
-  draft.contact.emplace(compliance_, 0.0, body_->contact_stiffness_pa_per_m);
+  draft.contact.reset();  // before what it refers to
+  draft.probe.reset();
+  draft.of = shared_;
+  draft.contact.emplace(compliance(), 0.0, body_->contact_stiffness_pa_per_m);
   // not all the way into the body: a fast tip would be behind a thin one
   Vector3 ahead_m = kAhead * step_s * tool.velocity_m_per_s;
   const double inward_m = -ahead_m.dot(tool.slow_normal);
   ahead_m += std::max(0.0, inward_m - kMostInwardRadii * tip_radius_m_) * tool.slow_normal;
   draft.patch_m = touch.centre_m + ahead_m;
-  draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
+  draft.contact->prepare(body_->points, simulation_->x_m(), touch.forces_on_body_newton,
                          draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m,
                          tool.slow_normal);
-  draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_.x_m(),
-                       simulation_.v_m_per_s(), simulation_.acceleration_m_per_s2());
-  draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s,
-                       &simulation_.relaxation());
+  draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_->x_m(),
+                       simulation_->v_m_per_s(), simulation_->acceleration_m_per_s2());
+  draft.contact->relax(body_->points, simulation_->v_m_per_s(), body_->viscosity_s,
+                       &simulation_->relaxation());
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
     add_equilibria(tool, touch, *draft.contact);
   }
@@ -368,9 +383,9 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
     const elastic::Vector3d& force = touch.forces_on_body_newton[p];
     if (!force.isZero(0.0)) tool.last_forces_newton.emplace_back(p, force);
   }
-  tool.last_m = simulation_.x_m();
-  tool.last_m_per_s = simulation_.v_m_per_s();
-  tool.last_creep_m = simulation_.relaxation().creep_m();
+  tool.last_m = simulation_->x_m();
+  tool.last_m_per_s = simulation_->v_m_per_s();
+  tool.last_creep_m = simulation_->relaxation().creep_m();
   draft.surface_offset_by_other_tools_m =
       surface_offset_by_other_tools_m(index, draft.contact->chosen().front(), tool.slow_normal);
   draft.force_outside_patch_newton = touch.force_on_tool_newton;
@@ -417,12 +432,12 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
   Tool& tool = *tools_[index];
   std::optional<PatchMaker>& maker = makers_[index];
   const Ahead ahead = tool.ahead.load();
-  const ElasticSimulation::Touch& touch = simulation_.touch(index);
+  const ElasticSimulation::Touch& touch = simulation_->touch(index);
   if (!ahead.is_wanted || !tips_[index] || touch.has_failed) return;
   const Vector3& tip_m = tips_[index]->tip_m;
   const bool is_elsewhere = (tip_m - tool.patch_tip_m).norm() > kSamePlace_m;
   if (!has_stepped && !is_elsewhere && maker && maker->is_complete()) return;
-  if (!maker) maker.emplace(*body_, compliance_, tip_radius_m_);
+  if (!maker) maker.emplace(*body_, compliance(), tip_radius_m_);
   const double ahead_s = ahead.age_s + kPeriodsAhead / body_->solve_rate_hz;
   maker->update({.tip_m = tip_m,
                  .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
@@ -431,7 +446,7 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
                      static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
                      kHeldPeriods,
                  .gap_m = tool.slow_distance_m},
-                touch, simulation_.x_m(), simulation_.v_m_per_s(), is_alone(index));
+                touch, simulation_->x_m(), simulation_->v_m_per_s(), is_alone(index));
   tool.patch_tip_m = tip_m;
   tool.patch.draft() = maker->patch();
   tool.is_patched = true;
@@ -439,7 +454,7 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
 
 bool ElasticTissue::is_alone(std::size_t tool) const {
   for (std::size_t other = 0; other < tools_.size(); ++other) {
-    if (other != tool && !simulation_.touch(other).force_on_tool_newton.isZero(0.0)) return false;
+    if (other != tool && !simulation_->touch(other).force_on_tool_newton.isZero(0.0)) return false;
   }
   return true;
 }
@@ -450,19 +465,21 @@ double ElasticTissue::surface_offset_by_other_tools_m(std::size_t tool, std::siz
   const elastic::SurfacePoint& at = body_->points[nearest_point];
   double raised = 0.0;
   for (std::size_t other = 0; other < tools_.size(); ++other) {
-    const std::vector<elastic::Vector3d>& forces = simulation_.touch(other).forces_on_body_newton;
+    const std::vector<elastic::Vector3d>& forces = simulation_->touch(other).forces_on_body_newton;
     if (other == tool || forces.empty()) continue;
-    raised += normal.dot(compliance_.moved_m(at, body_->points, forces));
+    raised += normal.dot(compliance().moved_m(at, body_->points, forces));
   }
   return raised;
 }
 
 void ElasticTissue::publish() {
   for (auto& tool : tools_) {
+    if (is_body_new_) tool->body.publish();
     if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
     if (std::exchange(tool->is_patched, false)) tool->patch.publish();
     if (gripper_) tool->grip.publish();
   }
+  is_body_new_ = false;
 }
 
 }  // namespace palpate::physics

@@ -22,6 +22,7 @@
 #include "common/core/snapshot.h"
 #include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic/condensed/stated_error.h"
+#include "physics_node/elastic_tissue/ablation/ablation.h"
 #include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
@@ -43,6 +44,7 @@ struct ElasticFigures {
   std::uint64_t bounds_checked = 0;
   std::uint64_t bound_violations = 0;
   std::uint32_t points_held = 0;
+  AblationFigures ablation;
   double residual_ratio = 0.0;
   double error_newton = kUnknownNewton;
 };
@@ -50,9 +52,12 @@ struct ElasticFigures {
 class ElasticTissue {
  public:
   /// @param shared  of all simulations of the body   @param is_folded  @see ElasticPace::kFolded
-  /// @param gripper  of every tool; none: they only touch
+  /// @param gripper, electrode  of every tool; none: they only touch
+  /// @param is_in_background  @see Ablation
   ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t tools, double tip_radius_m,
-                bool is_folded = false, const std::optional<GripperConfig>& gripper = {});
+                bool is_folded = false, const std::optional<GripperConfig>& gripper = {},
+                const std::optional<ElectrodeConfig>& electrode = {},
+                bool is_in_background = false);
   ~ElasticTissue() = default;
   ElasticTissue(const ElasticTissue&) = delete;
   ElasticTissue& operator=(const ElasticTissue&) = delete;
@@ -66,7 +71,9 @@ class ElasticTissue {
   /// Where the tip is, for the next full solution and touch().
   /// @param reach_m  bodies this near are described before they are touched
   /// @param time_s   not before that of the last call
-  void note(std::size_t tool, const Vector3& tip_m, double reach_m, double time_s) noexcept;
+  /// @param is_energised  its electrode, since the last call
+  void note(std::size_t tool, const Vector3& tip_m, double reach_m, double time_s,
+            bool is_energised = false) noexcept;
   /// From the tip where note() put it to the untouched surface; infinite: out of reach.
   [[nodiscard]] double distance_m(std::size_t tool) const noexcept {
     const TipSide& side = tools_[tool]->side;
@@ -112,10 +119,14 @@ class ElasticTissue {
   [[nodiscard]] bool is_fast() const;
   void publish();
   void note_late();
+  /// The body as it is now, of what it is in the session. @pre  an electrode
+  [[nodiscard]] const Ablation& ablation() const { return *ablation_; }
 
   // --- any thread ---
 
-  [[nodiscard]] const ElasticBody& body() const noexcept { return *body_; }
+  /// As it is in the session.
+  [[nodiscard]] const ElasticBody& body() const noexcept { return *whole_; }
+  [[nodiscard]] const std::shared_ptr<const ElasticBody>& whole() const noexcept { return whole_; }
   [[nodiscard]] ElasticFigures figures() const noexcept { return figures_out_.load(); }
 
   /// Columns of the compliance, and those of them that were computed here. Only while nothing
@@ -127,10 +138,12 @@ class ElasticTissue {
   [[nodiscard]] Columns columns() const noexcept;
 
   /// Replaces these by the newest places of the shown nodes and their strain, and asks for the
-  /// next; false if there is none since the last call.
-  bool take_surface(std::vector<float>& vertices_m, std::vector<float>& strain);
+  /// next. @return  the body of which they are; null: there is none since the last call
+  std::shared_ptr<const ElasticBody> take_surface(std::vector<float>& vertices_m,
+                                                  std::vector<float>& strain);
   /// The same of the last full solution, on the slow thread.
-  void read_surface(std::vector<float>& vertices_m, std::vector<float>& strain) const;
+  std::shared_ptr<const ElasticBody> read_surface(std::vector<float>& vertices_m,
+                                                  std::vector<float>& strain) const;
 
   static constexpr int kMostSolvesPerPeriod = 4;
 
@@ -150,6 +163,7 @@ class ElasticTissue {
     double friction_y_newton = 0.0;
     double friction_z_newton = 0.0;
     double time_s = 0.0;
+    double energised_s = 0.0;  // near the body, so far
     bool is_known = false;
   };
   /// Where mofc_node will use the next solution.
@@ -162,6 +176,7 @@ class ElasticTissue {
   };
   /// What a full solution leaves to the steps of a tool.
   struct Prepared {
+    std::shared_ptr<BodyCompliance> of;  // which the contacts refer to
     std::optional<elastic::CondensedContact> contact;
     std::optional<elastic::CondensedContact> probe;  // at rest, as deep as the law must be known
     Vector3 centre_m = Vector3::Zero();              // of the sphere in the full solution
@@ -180,7 +195,10 @@ class ElasticTissue {
     Snapshot<JawCommand> jaw_command;
     Handover<GripModel> grip;
     Handover<ElasticPatch> patch;
+    Handover<std::shared_ptr<const ElasticBody>> body;  // as it is now; none: the session's
     // of the steps
+    const ElasticBody* surface_of = nullptr;  // the body whose surface is followed
+    double energised_s = 0.0;
     const Prepared* stepped = nullptr;  // the last one,
     double stepped_s = 0.0;             // then
     Vector3 stepped_m = Vector3::Zero();
@@ -208,6 +226,7 @@ class ElasticTissue {
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
     Vector3 slow_tip_m = Vector3::Zero();
     double slow_time_s = 0.0;
+    double slow_energised_s = 0.0;
     Vector3 velocity_m_per_s = Vector3::Zero();  // of the tip between the last two solutions
     elastic::VectorXd last_m;                    // the last solution
     elastic::VectorXd last_m_per_s;
@@ -245,14 +264,21 @@ class ElasticTissue {
                                                        const Vector3& normal);
   void show();
   void fold();
+  void heat();
+  void change_body(double step_s);
+  void follow_body(Tool& own) noexcept;
+  [[nodiscard]] elastic::SurfaceCompliance& compliance() const { return shared_->compliance(); }
 
+  std::shared_ptr<const ElasticBody> whole_;
+  // as it is now; slow thread
   std::shared_ptr<BodyCompliance> shared_;
   std::shared_ptr<const ElasticBody> body_;
-  elastic::SurfaceCompliance& compliance_;
   double tip_radius_m_;
   bool is_folded_;
   std::optional<GripperConfig> gripper_;
-  ElasticSimulation simulation_;
+  std::unique_ptr<Ablation> ablation_;  // null: no electrode
+  bool is_body_new_ = false;            // not published yet
+  std::unique_ptr<ElasticSimulation> simulation_;
   std::vector<std::unique_ptr<Tool>> tools_;
   std::vector<std::optional<PatchMaker>> makers_;  // of the tools
   std::vector<std::optional<TipState>> tips_;
@@ -267,6 +293,7 @@ class ElasticTissue {
   bool has_moved_ = true;  // since it was last shown; slow thread
   std::vector<float> vertices_m_;
   std::vector<float> strain_;
+  std::shared_ptr<const ElasticBody> shown_body_;
 };
 
 }  // namespace palpate::physics

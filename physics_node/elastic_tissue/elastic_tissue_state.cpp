@@ -10,7 +10,17 @@
 namespace palpate::physics {
 
 void ElasticTissue::continue_as(const ElasticTissue& other) {
-  simulation_.continue_as(other.simulation_);
+  if (ablation_) {
+    ablation_->continue_as(*other.ablation_);
+    if (body_ != other.body_) {
+      body_ = other.body_;
+      shared_ = other.shared_;
+      simulation_ = std::make_unique<ElasticSimulation>(*body_, tools_.size(), tip_radius_m_,
+                                                        other.simulation_->step_s(), is_folded_);
+    }
+    is_body_new_ = other.is_body_new_;
+  }
+  simulation_->continue_as(*other.simulation_);
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     Tool& own = *tools_[i];
     own = *other.tools_[i];
@@ -75,7 +85,7 @@ void ElasticTissue::close_jaws() {
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     const JawCommand command = tools_[i]->jaw_command.load();
     if (tips_[i]) tips_[i]->slip_m = command.slip_m();
-    tools_[i]->held.prepare(simulation_, i, *gripper_, command, tips_[i]);
+    tools_[i]->held.prepare(*simulation_, i, *gripper_, command, tips_[i]);
   }
 }
 
@@ -86,7 +96,7 @@ void ElasticTissue::read_jaws(double step_s) {
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     Tool& tool = *tools_[i];
     try {
-      tool.held.read(simulation_, i, compliance_, step_s, changes, is_alone(i));
+      tool.held.read(*simulation_, i, compliance(), step_s, changes, is_alone(i));
     } catch (const std::runtime_error&) {  // it has let go
       ++without_compliance_;
     }
@@ -106,7 +116,7 @@ void ElasticTissue::read_jaws(double step_s) {
 
 /// What the next solution makes again.
 void ElasticTissue::fold() {
-  simulation_.fold();
+  simulation_->fold();
   for (auto& tool : tools_) {
     if (tool->last) tool->last->fold();
     Prepared* const spare = tool->prepared.spare();
@@ -120,28 +130,31 @@ void ElasticTissue::show() {
   const std::unique_lock lock(shown_mutex_, std::try_to_lock);
   if (!lock || !is_wanted_ || !has_moved_) return;
   is_wanted_ = has_moved_ = false;
-  read_surface(vertices_m_, strain_);
+  shown_body_ = read_surface(vertices_m_, strain_);
   is_new_ = true;
 }
 
-void ElasticTissue::read_surface(std::vector<float>& vertices_m, std::vector<float>& strain) const {
-  const elastic::VectorXd& x = simulation_.x_m();
+std::shared_ptr<const ElasticBody> ElasticTissue::read_surface(std::vector<float>& vertices_m,
+                                                               std::vector<float>& strain) const {
+  const elastic::VectorXd& x = simulation_->x_m();
   vertices_m.clear();
   for (const std::uint32_t node : body_->shown_nodes) {
     for (Eigen::Index i = 0; i < 3; ++i) {
       vertices_m.push_back(static_cast<float>(x[3 * Eigen::Index{node} + i]));
     }
   }
-  simulation_.shown_strain(strain);
+  simulation_->shown_strain(strain);
+  return body_;
 }
 
-bool ElasticTissue::take_surface(std::vector<float>& vertices_m, std::vector<float>& strain) {
+std::shared_ptr<const ElasticBody> ElasticTissue::take_surface(std::vector<float>& vertices_m,
+                                                               std::vector<float>& strain) {
   const std::scoped_lock lock(shown_mutex_);
   is_wanted_ = true;
-  if (!std::exchange(is_new_, false)) return false;
+  if (!std::exchange(is_new_, false)) return nullptr;
   vertices_m = vertices_m_;
   strain = strain_;
-  return true;
+  return shown_body_;
 }
 
 }  // namespace palpate::physics

@@ -48,7 +48,7 @@ std::shared_ptr<ElasticTissues> ElasticTissues::of(const SceneConfig& scene, std
   const std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
   if (bodies.empty()) return nullptr;
   return std::make_shared<ElasticTissues>(bodies, tools, scene.tip_radius_m, pace, columns_folder,
-                                          scene.gripper);
+                                          scene.gripper, scene.electrode);
 }
 
 std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
@@ -64,16 +64,19 @@ std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
 
 ElasticTissues::ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>>& bodies,
                                std::size_t tools, double tip_radius_m, ElasticPace pace,
-                               const std::optional<GripperConfig>& gripper)
+                               const std::optional<GripperConfig>& gripper,
+                               const std::optional<ElectrodeConfig>& electrode)
     : pace_(pace),
       gripper_(gripper),
+      electrode_(electrode),
       counts_(tools),
       closings_(tools),
       last_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()),
       ready_s_(last_solve_s_) {
   for (const auto& body : bodies) {
     tissues_.push_back(std::make_unique<ElasticTissue>(body, tools, tip_radius_m,
-                                                       pace_ == ElasticPace::kFolded, gripper_));
+                                                       pace_ == ElasticPace::kFolded, gripper_,
+                                                       electrode_, pace_ == ElasticPace::kThread));
   }
   if (pace_ != ElasticPace::kThread) return;
   for (auto& tissue : tissues_) {
@@ -93,8 +96,10 @@ void ElasticTissues::continue_as(const ElasticTissues& other) {
 }
 
 void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
-                          SceneForce& sum, const JawInput& jaw) noexcept {
-  for (auto& tissue : tissues_) tissue->note(tool, tip_m, reach_m, time_s);
+                          SceneForce& sum, const JawInput& jaw, bool is_energised) noexcept {
+  const bool heats = electrode_ && is_energised;
+  counts_[tool].energised += heats ? 1U : 0U;
+  for (auto& tissue : tissues_) tissue->note(tool, tip_m, reach_m, time_s, heats);
   if (gripper_) close(tool, jaw);
   if (pace_ != ElasticPace::kThread) solve_until(time_s);
   Counts& counts = counts_[tool];
@@ -157,6 +162,8 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
   counters.elastic_bounds_checked = counters.elastic_bound_violations = 0;
   counters.elastic_tips_appeared = 0;
   counters.elastic_points_held = 0;
+  counters.elastic_bodies_remade = counters.elastic_bodies_refused = 0;
+  counters.elastic_elements_removed = counters.elastic_elements_loose = 0;
   counters.elastic_residual_ratio = 0.0;
   counters.elastic_error_newton = kUnknownNewton;
   for (const auto& tissue : tissues_) {
@@ -168,6 +175,10 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
     counters.elastic_solves_repaired += figures.repaired;
     counters.elastic_tips_appeared += figures.appeared;
     counters.elastic_points_held += figures.points_held;
+    counters.elastic_bodies_remade += figures.ablation.remade;
+    counters.elastic_bodies_refused += figures.ablation.refused;
+    counters.elastic_elements_removed += figures.ablation.removed;
+    counters.elastic_elements_loose += figures.ablation.loose;
     counters.elastic_bounds_checked += figures.bounds_checked;
     counters.elastic_bound_violations += figures.bound_violations;
     counters.elastic_residual_ratio =
@@ -181,6 +192,7 @@ void ElasticTissues::count_tool_into(std::size_t tool, PhysicsCounters& counters
   counters.elastic_bound_newton = counts_[tool].bound_newton;
   counters.elastic_contact_steps = counts_[tool].in_contact;
   counters.elastic_unknown_bound_steps = counts_[tool].without_bound;
+  counters.elastic_energised_steps = counts_[tool].energised;
 }
 
 }  // namespace palpate::physics

@@ -46,14 +46,16 @@ class ElasticTissues {
   ElasticTissues(const std::vector<std::shared_ptr<const ElasticBody>>& bodies, std::size_t tools,
                  double tip_radius_m, ElasticPace pace,
                  const std::filesystem::path& columns_folder = {},
-                 const std::optional<GripperConfig>& gripper = {})
-      : ElasticTissues(compliances_of(bodies, columns_folder), tools, tip_radius_m, pace, gripper) {
-  }
+                 const std::optional<GripperConfig>& gripper = {},
+                 const std::optional<ElectrodeConfig>& electrode = {})
+      : ElasticTissues(compliances_of(bodies, columns_folder), tools, tip_radius_m, pace, gripper,
+                       electrode) {}
   /// @param bodies   which other simulations may share
-  /// @param gripper  of every tool; none: they only touch
+  /// @param gripper, electrode  of every tool; none: they only touch
   ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>>& bodies, std::size_t tools,
                  double tip_radius_m, ElasticPace pace,
-                 const std::optional<GripperConfig>& gripper = {});
+                 const std::optional<GripperConfig>& gripper = {},
+                 const std::optional<ElectrodeConfig>& electrode = {});
   ~ElasticTissues();
   ElasticTissues(const ElasticTissues&) = delete;
   ElasticTissues& operator=(const ElasticTissues&) = delete;
@@ -65,9 +67,13 @@ class ElasticTissues {
   /// Adds the contacts of one tool.
   /// @param reach_m  bodies this near are described before they are touched
   /// @param jaw      of that tool; where they close, they take the nearest body
+  /// @param is_energised  its electrode
   void step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m, SceneForce& sum,
-            const JawInput& jaw = {}) noexcept;
+            const JawInput& jaw = {}, bool is_energised = false) noexcept;
   [[nodiscard]] const std::optional<GripperConfig>& gripper() const noexcept { return gripper_; }
+  [[nodiscard]] const std::optional<ElectrodeConfig>& electrode() const noexcept {
+    return electrode_;
+  }
 
   /// @see ElasticTissue::describe_ahead. Before step()
   void describe_ahead(std::size_t tool, const Vector3& velocity_m_per_s, double age_s) noexcept {
@@ -88,6 +94,7 @@ class ElasticTissues {
     std::uint64_t skipped = 0;
     std::uint64_t in_contact = 0;
     std::uint64_t without_bound = 0;
+    std::uint64_t energised = 0;
     double bound_newton = kUnknownNewton;
   };
   /// The jaws of a tool.
@@ -102,6 +109,7 @@ class ElasticTissues {
   std::vector<std::unique_ptr<ElasticTissue>> tissues_;
   ElasticPace pace_;
   std::optional<GripperConfig> gripper_;
+  std::optional<ElectrodeConfig> electrode_;
   std::vector<Counts> counts_;     // by tool
   std::vector<Closing> closings_;  // by tool
   // by tissue; virtual

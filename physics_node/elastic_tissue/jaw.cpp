@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <stdexcept>
+#include <utility>
 
 #include "common/contact/elastic/grip.h"
 
@@ -86,6 +87,13 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   lost_joule_ = expected_joule_ = 0.0;
 }
 
+void Jaw::change_body(const ElasticSimulation& simulation, std::size_t tool) {
+  if (!model_.is_holding()) return;
+  model_.points = static_cast<std::uint32_t>(simulation.held()[tool].size());
+  ++changes_;
+  is_body_new_ = true;
+}
+
 /// The work of the tool in a step, less what the body has stored: K at rest does not know how fast
 /// tissue is stretched that is stretched far already.
 void Jaw::watch_losses(const Seen& now, double beta_s, double step_s) {
@@ -127,6 +135,10 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
                  .force_on_tool_newton = simulation.touch(tool).force_on_tool_newton,
                  .stored_joule = simulation.stored_joule(),
                  .kinetic_joule = simulation.report().kinetic_joule};
+  // what has vanished took its energy and its weight with it
+  if (std::exchange(is_body_new_, false)) {
+    closed_joule_ = now.stored_joule - model_.stored_energy_joule;
+  }
   const bool is_still = now.velocity_m_per_s.norm() <= kStill_m_per_s;
   bool is_explained = !is_alone || is_still;
   if (known_ == changes) measured_ = measure(simulation, now, step_s);

@@ -99,6 +99,8 @@ class Jaw {
   /// Before a step of the body.
   void prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
                const JawCommand& command, const std::optional<TipState>& tip);
+  /// The body has been replaced by what is left of it: whatever the jaws still hold is held.
+  void change_body(const ElasticSimulation& simulation, std::size_t tool);
   /// After it, and after all tools have been prepared. Makes the stiffness, where the grips of the
   /// body are others than before.
   /// @param step_s    of the step
@@ -144,6 +146,7 @@ class Jaw {
   std::vector<Matrix3> stiffness_with_;  // of each tool of the body, at rest
   std::optional<Measured> measured_;
   double closed_joule_ = 0.0;  // in the body, when they closed
+  bool is_body_new_ = false;   // since the last read()
   Seen last_;                  // the solution before
   Seen explained_;             // one that K has been made for, or in which the tool stood still
   // of late: what the body has dissipated, and what β K v would have

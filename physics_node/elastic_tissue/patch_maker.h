@@ -32,6 +32,13 @@ class PatchMaker {
  public:
   /// @param body, compliance  must outlive it
   PatchMaker(const ElasticBody& body, elastic::SurfaceCompliance& compliance, double tip_radius_m);
+  /// Of a body that has replaced that of another one, the numbers of which go on.
+  PatchMaker(const ElasticBody& body, elastic::SurfaceCompliance& compliance,
+             const PatchMaker& before)
+      : PatchMaker(body, compliance, before.tip_radius_m_) {
+    next_version_ = before.next_version_;
+    patch_.state.number = before.patch_.state.number;
+  }
 
   struct Tip {
     Vector3 tip_m = Vector3::Zero();

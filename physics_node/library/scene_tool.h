@@ -18,6 +18,7 @@ struct ToolState {
   Vector3 velocity_m_per_s = Vector3::Zero();
   Quaternion orientation = Quaternion::Identity();  ///< its z leads to the handle
   JawInput jaw{};                                   ///< counts with a gripper only
+  bool is_energised = false;                        ///< its electrode; counts with one only
 };
 
 /// The state between two steps is the TissueMemory: proxies, friction, punctures and relaxation;
@@ -43,7 +44,9 @@ class SceneTool {
     const Vector3 shaft_to_handle = tool.orientation * Vector3::UnitZ();
     SceneForce force =
         scene_->step(memory_, tool.position_m, tool.velocity_m_per_s, time_s, shaft_to_handle);
-    if (elastic_) elastic_->step(index_, tool.position_m, time_s, reach_m_, force, tool.jaw);
+    if (elastic_) {
+      elastic_->step(index_, tool.position_m, time_s, reach_m_, force, tool.jaw, tool.is_energised);
+    }
     return force;
   }
 

@@ -11,9 +11,10 @@ namespace palpate::physics {
 Simulation::Simulation(std::shared_ptr<const SharedScene> shared, std::size_t tools, bool is_folded)
     : shared_(std::move(shared)), last_(tools) {
   if (!shared_->bodies().empty()) {
-    elastic_ = std::make_shared<ElasticTissues>(
-        shared_->bodies(), tools, shared_->config().tip_radius_m,
-        is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual, shared_->config().gripper);
+    elastic_ =
+        std::make_shared<ElasticTissues>(shared_->bodies(), tools, shared_->config().tip_radius_m,
+                                         is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual,
+                                         shared_->config().gripper, shared_->config().electrode);
   }
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.emplace_back(shared_->scene(), shared_->reach_m(), elastic_, i);
@@ -93,9 +94,9 @@ bool Simulation::read_surface(std::size_t tissue, std::vector<float>& vertices_m
   for (std::size_t k = 0; elastic_ && k < elastic_->tissues().size(); ++k) {
     const ElasticTissue& one = *elastic_->tissues()[k];
     if (one.body().tissue != tissue) continue;
-    one.read_surface(vertices_m, strain);
-    vertices_m.resize(3 * one.body().surface_nodes.size());  // without those of its parts
-    strain.resize(one.body().surface_nodes.size());
+    const auto body = one.read_surface(vertices_m, strain);
+    vertices_m.resize(3 * body->surface_nodes.size());  // without those of its parts
+    strain.resize(body->surface_nodes.size());
     return true;
   }
   return false;

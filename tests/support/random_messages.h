@@ -379,6 +379,11 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_tips_appeared = random.bits();
   c.elastic_points_held = static_cast<std::uint32_t>(random.bits());
   c.elastic_solves_repaired = random.bits();
+  c.elastic_energised_steps = random.bits();
+  c.elastic_bodies_remade = random.bits();
+  c.elastic_elements_removed = random.bits();
+  c.elastic_elements_loose = random.bits();
+  c.elastic_bodies_refused = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -841,6 +846,11 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.elastic_tips_appeared == b.elastic_tips_appeared &&
          a.elastic_points_held == b.elastic_points_held &&
          a.elastic_solves_repaired == b.elastic_solves_repaired &&
+         a.elastic_energised_steps == b.elastic_energised_steps &&
+         a.elastic_bodies_remade == b.elastic_bodies_remade &&
+         a.elastic_elements_removed == b.elastic_elements_removed &&
+         a.elastic_elements_loose == b.elastic_elements_loose &&
+         a.elastic_bodies_refused == b.elastic_bodies_refused &&
          a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {

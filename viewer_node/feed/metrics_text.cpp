@@ -265,6 +265,14 @@ void add_physics(Page& page, const PhysicsCounters& c) {
                {{"", c.elastic_tips_appeared}});
   page.gauge("physics_elastic_points_held", "Points of elastic bodies in the jaws of tools.", "",
              static_cast<double>(c.elastic_points_held));
+  page.counter("physics_elastic_energised_steps", "Steps with the electrode on.",
+               {{"", c.elastic_energised_steps}});
+  page.counter("physics_elastic_bodies_remade", "Elastic bodies replaced after an ablation.",
+               {{label("result", "made"), c.elastic_bodies_remade},
+                {label("result", "refused"), c.elastic_bodies_refused}});
+  page.counter("physics_elastic_elements_removed", "Elements that vanished from elastic bodies.",
+               {{label("cause", "ablated"), c.elastic_elements_removed - c.elastic_elements_loose},
+                {label("cause", "loose"), c.elastic_elements_loose}});
   page.counter("physics_elastic_steps_skipped", "Steps out of reach of an elastic body.",
                {{"", c.elastic_steps_skipped}});
   page.gauge("physics_elastic_residual_ratio",

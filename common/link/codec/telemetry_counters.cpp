@@ -208,6 +208,11 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_elastic_unknown_bound_steps(c.elastic_unknown_bound_steps);
   to.set_elastic_tips_appeared(c.elastic_tips_appeared);
   to.set_elastic_points_held(c.elastic_points_held);
+  to.set_elastic_energised_steps(c.elastic_energised_steps);
+  to.set_elastic_bodies_remade(c.elastic_bodies_remade);
+  to.set_elastic_elements_removed(c.elastic_elements_removed);
+  to.set_elastic_elements_loose(c.elastic_elements_loose);
+  to.set_elastic_bodies_refused(c.elastic_bodies_refused);
   to.set_elastic_solves_repaired(c.elastic_solves_repaired);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
@@ -253,6 +258,11 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
       .elastic_unknown_bound_steps = c.elastic_unknown_bound_steps(),
       .elastic_tips_appeared = c.elastic_tips_appeared(),
       .elastic_points_held = c.elastic_points_held(),
+      .elastic_energised_steps = c.elastic_energised_steps(),
+      .elastic_bodies_remade = c.elastic_bodies_remade(),
+      .elastic_elements_removed = c.elastic_elements_removed(),
+      .elastic_elements_loose = c.elastic_elements_loose(),
+      .elastic_bodies_refused = c.elastic_bodies_refused(),
       .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

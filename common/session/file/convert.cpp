@@ -56,21 +56,31 @@ TaskConfig to_shared_task(const Fields& fields, const Session& session) {
                  "must be another button than scene.tool.gripper.button, or each closing of the "
                  "jaws is a mark");
   }
+  if (session.scene.electrode && config.mark_button == session.scene.electrode->button) {
+    task.problem("mark_button",
+                 "must be another button than scene.tool.electrode.button, or each use of the "
+                 "electrode is a mark");
+  }
   return config;
 }
 
-/// The jaws have a button of their own.
-void check_buttons(const GripperConfig& gripper, const DeviceConfig& device, const Fields& fields) {
-  if (device.workspace.clutch_button == gripper.button) {
-    fields.message("workspace")
-        .problem(
-            "clutch_button",
-            "must be another button than scene.tool.gripper.button, or no held tissue is felt");
+/// The jaws and the electrode have buttons of their own.
+void check_buttons(const SceneConfig& scene, const DeviceConfig& device, const Fields& fields) {
+  const auto check = [&](std::uint32_t button, const std::string& owner, const char* clutched,
+                         const char* released) {
+    const std::string rule = "must be another button than scene.tool." + owner + ".button, or ";
+    if (device.workspace.clutch_button == button) {
+      fields.message("workspace").problem("clutch_button", rule + clutched);
+    }
+    if (device.dead_man_button == button) fields.problem("dead_man_button", rule + released);
+  };
+  if (scene.gripper) {
+    check(scene.gripper->button, "gripper", "no held tissue is felt",
+          "no force acts while the jaws are open");
   }
-  if (device.dead_man_button == gripper.button) {
-    fields.problem("dead_man_button",
-                   "must be another button than scene.tool.gripper.button, or no force acts while "
-                   "the jaws are open");
+  if (scene.electrode) {
+    check(scene.electrode->button, "electrode", "nothing is felt while it ablates",
+          "no force acts while it is off");
   }
 }
 
@@ -99,6 +109,12 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
     fields.message("physics").problem("standby", "needs physics_node; leave it out with command");
   }
   session.scene = to_scene(fields.message("scene"), base_dir);
+  if (session.scene.electrode && session.physics.standby) {
+    fields.message("physics").problem(
+        "standby",
+        "does not know what the first physics_node has ablated; leave it out, or "
+        "scene.tool.electrode");
+  }
   if (fields.has("task")) session.task = to_shared_task(fields, session);
   session.sides.clear();
   return session;
@@ -143,7 +159,7 @@ void add_side(const SessionText& text, const std::string& name,
   if (is_real(side.driver)) {
     side.simulated = with_friction_of(side.device.profile, side.simulated);
   }
-  if (session.scene.gripper) check_buttons(*session.scene.gripper, side.device, device);
+  check_buttons(session.scene, side.device, device);
   side.mofc = to_mofc(mofc, wait_ms, session.physics, side.device);
   if (is_real(side.driver) && side.mofc.controller != ControllerKind::kMofc &&
       !side.mofc.has_safety_net && !side.mofc.accepts_rival) {

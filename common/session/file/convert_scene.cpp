@@ -355,6 +355,20 @@ GripperConfig to_gripper(const Fields& fields, double tip_radius_m) {
           .tear_newton = fields.number("tear_newton")};
 }
 
+ElectrodeConfig to_electrode(const Fields& fields, double tip_radius_m) {
+  const ElectrodeConfig config{.button = static_cast<std::uint32_t>(fields.integer("button")),
+                               .power_watt = fields.number("power_watt"),
+                               .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
+                               .energy_joule_per_kg = fields.number("energy_joule_per_kg"),
+                               .softest_ratio = fields.number("softest_ratio")};
+  if (config.reach_m > 0.0 && config.reach_m <= tip_radius_m) {
+    fields.problem("reach_m",
+                   "must be > scene.tool.tip_radius_m, or it ends inside the tip; give more, or "
+                   "leave it out for 1.5 × tip_radius_m");
+  }
+  return config;
+}
+
 bool is_elastic(const TissueConfig& tissue) {
   return std::holds_alternative<ElasticMaterial>(tissue.material);
 }
@@ -387,13 +401,26 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
                               .material = to_material(tissue, config.tip_radius_m),
                               .motion = to_motion(tissue)});
   }
-  if (!tool.has("gripper")) return config;
-  if (std::any_of(config.tissues.begin(), config.tissues.end(), is_elastic)) {
+  const bool has_elastic = std::any_of(config.tissues.begin(), config.tissues.end(), is_elastic);
+  if (tool.has("gripper") && has_elastic) {
     config.gripper = to_gripper(tool.message("gripper"), config.tip_radius_m);
-  } else {
+  } else if (tool.has("gripper")) {
     tool.problem("gripper",
                  "holds elastic tissue, and the scene has none; give a tissue elastic { … }, or "
                  "leave this out");
+  }
+  if (tool.has("electrode") && has_elastic) {
+    config.electrode = to_electrode(tool.message("electrode"), config.tip_radius_m);
+  } else if (tool.has("electrode")) {
+    tool.problem("electrode",
+                 "ablates elastic tissue, and the scene has none; give a tissue elastic { … }, or "
+                 "leave this out");
+  }
+  if (config.gripper && config.electrode && config.gripper->button == config.electrode->button) {
+    tool.message("electrode")
+        .problem("button",
+                 "must be another button than scene.tool.gripper.button, or what the jaws hold "
+                 "is ablated");
   }
   return config;
 }

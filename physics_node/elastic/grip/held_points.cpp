@@ -30,6 +30,19 @@ void HeldPoints::take(const std::vector<SurfacePoint>& points, const double* x_m
   newton_per_m_ = newton_per_m / static_cast<double>(std::max<std::size_t>(1, held_.size()));
 }
 
+void HeldPoints::continue_as(const HeldPoints& other, const std::vector<SurfacePoint>& points,
+                             const std::vector<std::int32_t>& old_points) {
+  *this = other;
+  held_.clear();
+  for (const Held& one : other.held_) {
+    const auto at =
+        std::find(old_points.begin(), old_points.end(), static_cast<std::int32_t>(one.index));
+    if (at == old_points.end()) continue;
+    const auto index = static_cast<std::size_t>(at - old_points.begin());
+    held_.push_back({.point = points[index], .index = index, .away_m = one.away_m});
+  }
+}
+
 Vector3d HeldPoints::add_forces_on_body(const double* x_m,
                                         std::span<Vector3d> forces_newton) const noexcept {
   Vector3d sum = Vector3d::Zero();

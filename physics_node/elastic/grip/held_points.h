@@ -21,6 +21,10 @@ class HeldPoints {
   void take(const std::vector<SurfacePoint>& points, const double* x_m, const Vector3d& at_m,
             double reach_m, std::size_t most, double newton_per_m);
   void let_go() noexcept { held_.clear(); }
+  /// As those of another body, as far as they are still there.
+  /// @param points      of this body   @param old_points  by point: its index there, −1: none
+  void continue_as(const HeldPoints& other, const std::vector<SurfacePoint>& points,
+                   const std::vector<std::int32_t>& old_points);
   [[nodiscard]] bool is_empty() const noexcept { return held_.empty(); }
   [[nodiscard]] std::size_t size() const noexcept { return held_.size(); }
 

@@ -531,5 +531,55 @@ TEST_F(SceneDisplayTest, ShowsTheStiffnessOfAnElasticBodyAndItsParts) {
   }
 }
 
+// Frames are of the newest mesh, and who comes late gets that.
+TEST_F(SceneDisplayTest, SendsTheSurfaceOfAnAblatedBodyAsANewRevision) {
+  ElasticMaterial material{.young_pa = 15e3, .poisson_ratio = 0.45};
+  material.is_linear = true;
+  material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0499}}};
+  session_.scene.tissues[0] = {
+      .name = "body",
+      .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
+                               .file = test::source_dir() + "/deploy/sessions/block.msh"},
+      .material = material};
+  session_.scene.electrode = ElectrodeConfig{.reach_m = 0.012, .energy_joule_per_kg = 2e3};
+  const auto elastic = ElasticTissues::of(session_.scene, 1, ElasticPace::kVirtual);
+  display_.emplace(session_, 77, scenes_, meshes_, elastic);
+  ++watchers_.scene_subscriptions;
+  watch_mesh();
+  publish(-0.01);
+  for (int tick = 0; tick < 1500; ++tick) {
+    SceneForce force;
+    const double z_m = std::max(0.001, 0.003 - 2e-5 * tick);
+    elastic->step(0, Vector3(0, 0, z_m), 1e-3 * tick, 0.05, force, {}, tick > 200 && tick < 800);
+    if (tick % 33 == 0) publish(-0.01, 33ms);
+  }
+  PhysicsCounters counters;
+  elastic->count_into(counters);
+  ASSERT_GT(counters.elastic_elements_removed, 0U);
+
+  ASSERT_GT(scenes_.messages.size(), 1U);
+  EXPECT_LE(scenes_.messages.size(), 1U + 1500U / 200U + 1U) << "at most 5 Hz";
+  const SceneState& newest = scenes_.messages.back();
+  EXPECT_EQ(newest.revision, scenes_.messages.size());
+  const ElasticBody& body = *elastic->tissues()[0]->ablation().present().body();
+  EXPECT_THAT(newest.tissues[0].mesh.vertices_m, SizeIs(3 * body.surface_nodes.size()));
+  EXPECT_EQ(newest.tissues[1].name, "block at 1");
+  const MeshFrame& frame = meshes_.messages.back();
+  EXPECT_EQ(frame.scene_revision, newest.revision);
+  EXPECT_THAT(frame.vertices_m, SizeIs(newest.tissues[0].mesh.vertices_m.size()));
+  // each is of the mesh of its revision
+  for (const MeshFrame& one : meshes_.messages) {
+    if (one.tissue != 0) continue;
+    ASSERT_LE(one.scene_revision, newest.revision);
+    EXPECT_EQ(one.vertices_m.size(),
+              scenes_.messages[one.scene_revision - 1].tissues[0].mesh.vertices_m.size());
+  }
+
+  ++watchers_.scene_subscriptions;
+  publish(-0.01, 33ms);
+  EXPECT_EQ(scenes_.messages.back().revision, newest.revision);
+  EXPECT_EQ(scenes_.messages.back().tissues[0].mesh.triangles, newest.tissues[0].mesh.triangles);
+}
+
 }  // namespace
 }  // namespace palpate::physics

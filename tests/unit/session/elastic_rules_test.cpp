@@ -253,5 +253,73 @@ TEST(GripperRules, TheJawsHaveAButtonOfTheirOwn) {
               IsEmpty());
 }
 
+// --- scene.tool.electrode
+// ---------------------------------------------------------------------------
+
+std::string with_electrode(const std::string& electrode, const std::string& material = kBlock,
+                           const std::string& tool = "") {
+  return "name: \"x\" hand { press { until_s: 1 } } scene { tool { tip_radius_m: 0.006 " + tool +
+         " electrode { " + electrode + " } } tissue { name: 'a' " + material + " } }";
+}
+
+TEST(ElectrodeRules, HasDefaultsThatFollowTheTip) {
+  const Session session = parse_session(with_electrode(""), "x.txtpb", {}, "/tmp");
+  ASSERT_TRUE(session.scene.electrode);
+  const ElectrodeConfig& electrode = *session.scene.electrode;
+  EXPECT_EQ(electrode.button, 0U);
+  EXPECT_EQ(electrode.power_watt, 50.0);
+  EXPECT_DOUBLE_EQ(electrode.reach_m, 0.009);
+  EXPECT_EQ(electrode.energy_joule_per_kg, 2e6);
+  EXPECT_EQ(electrode.softest_ratio, 0.2);
+  EXPECT_FALSE(parse_session(with_gripper("", kBlock), "x.txtpb", {}, "/tmp").scene.electrode);
+}
+
+TEST(ElectrodeRules, NeedsElasticTissueAndFiguresInRange) {
+  const auto complaint = [](const std::string& electrode, const std::string& material = kBlock) {
+    return complaints(with_electrode(electrode, material), {}, "/tmp");
+  };
+  const auto at = [](const std::string& field, const std::string& words) {
+    return AllOf(SizeIs(2), ::testing::Contains(AllOf(StartsWith("x.txtpb:"),
+                                                      HasSubstr("scene.tool.electrode" + field),
+                                                      HasSubstr(words))));
+  };
+  EXPECT_THAT(complaint("button: 31 power_watt: 1000 reach_m: 0.1 energy_joule_per_kg: 1e9 "
+                        "softest_ratio: 1"),
+              IsEmpty());
+  EXPECT_THAT(complaint("", "half_space {} kelvin_voigt { stiffness_newton_per_m: 400 }"),
+              at("", "elastic"));
+  EXPECT_THAT(complaint("button: 32"), at(".button", "31"));
+  EXPECT_THAT(complaint("power_watt: 0"), at(".power_watt", "0"));
+  EXPECT_THAT(complaint("power_watt: 1001"), at(".power_watt", "1000"));
+  EXPECT_THAT(complaint("reach_m: 0.006"), at(".reach_m", "scene.tool.tip_radius_m"));
+  EXPECT_THAT(complaint("reach_m: 0.11"), at(".reach_m", "0.1"));
+  EXPECT_THAT(complaint("energy_joule_per_kg: 999"), at(".energy_joule_per_kg", "1000"));
+  EXPECT_THAT(complaint("energy_joule_per_kg: 1.1e9"), at(".energy_joule_per_kg", "1e"));
+  EXPECT_THAT(complaint("softest_ratio: 0.009"), at(".softest_ratio", "0.01"));
+  EXPECT_THAT(complaint("softest_ratio: 1.1"), at(".softest_ratio", "1"));
+}
+
+TEST(ElectrodeRules, HasAButtonOfItsOwn) {
+  const auto complaint = [](const std::string& rest, const std::string& tool = "") {
+    return complaints(with_electrode("button: 3", kBlock, tool) + rest, {}, "/tmp");
+  };
+  const auto at = [](const std::string& field, const std::string& owner = "electrode") {
+    return ElementsAre(HasSubstr("1 problem"),
+                       AllOf(HasSubstr(field), HasSubstr("scene.tool." + owner + ".button, or")));
+  };
+  EXPECT_THAT(complaint("", "gripper { button: 2 }"), IsEmpty());
+  EXPECT_THAT(complaint("", "gripper { button: 3 }"), at("electrode.button", "gripper"));
+  EXPECT_THAT(complaint("device { workspace { clutch_button: 3 } }"),
+              at("device.workspace.clutch_button"));
+  EXPECT_THAT(complaint("device { dead_man_button: 3 }"), at("device.dead_man_button"));
+  EXPECT_THAT(complaint("task { mark_button: 3 free {} }"), at("task.mark_button"));
+}
+
+// A standby would go on with the whole body.
+TEST(ElectrodeRules, NeedsAPhysicsWithoutStandby) {
+  EXPECT_THAT(complaints(with_electrode("") + " physics { standby {} }", {}, "/tmp"),
+              ::testing::Contains(AllOf(HasSubstr("physics.standby"), HasSubstr("ablated"))));
+}
+
 }  // namespace
 }  // namespace palpate

@@ -93,6 +93,7 @@ TEST(SessionSchema, UnitsAreThoseOfTheNames) {
                                                        {"_pa_per_m", "Pa/m"},
                                                        {"_pa", "Pa"},
                                                        {"_deg", "°"},
+                                                       {"_joule_per_kg", "J/kg"},
                                                        {"_joule", "J"},
                                                        {"_watt", "W"},
                                                        {"_kg", "kg"},

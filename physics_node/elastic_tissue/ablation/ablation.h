@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// ablation.h — how an elastic body changes under the electrodes of the tools.
+#pragma once
+
+#include <cstdint>
+#include <future>
+#include <memory>
+#include <vector>
+
+#include "common/core/vector.h"
+#include "common/session/scene_config.h"
+#include "physics_node/elastic_tissue/ablation/ablated_body.h"
+
+namespace palpate::physics {
+
+struct AblationFigures {
+  std::uint64_t remade = 0;   ///< bodies that replaced another
+  std::uint64_t removed = 0;  ///< elements that are gone
+  std::uint64_t loose = 0;    ///< of these: that nothing held any more
+  std::uint64_t refused = 0;  ///< bodies that could not be made: the one before goes on
+};
+
+/// The doses of the elements, and the body that is left. Whenever elements have changed their stage
+/// (heat.h), the next body is made, one after the other: on a thread of its own, or, for
+/// simulations on a time of their own, at once and used kLatency_s later. One thread calls it;
+/// allocates.
+class Ablation {
+ public:
+  static constexpr double kLatency_s = 0.1;
+
+  /// @param whole  the body of the session   @param tools  that may be energised
+  /// @param is_in_background  else deterministic
+  Ablation(std::shared_ptr<BodyCompliance> whole, const ElectrodeConfig& electrode,
+           double tip_radius_m, std::size_t tools, bool is_in_background);
+  ~Ablation() = default;
+  Ablation(const Ablation&) = delete;  // a body may be under way
+  Ablation& operator=(const Ablation&) = delete;
+
+  /// Continues as the other would, to the bit. @pre  of the same body, none in the background
+  void continue_as(const Ablation& other);
+
+  /// An electrode there heats the present body, whose nodes are at x_m.
+  /// @param energised_s  ≥ 0, for how long
+  void heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector3& tip_m,
+            double energised_s);
+
+  /// Time goes on. @return the body that from now on is the present one; null: it is still the same
+  /// @param x_m  of the present one
+  [[nodiscard]] std::shared_ptr<const AblatedBody> advance(double step_s,
+                                                           const elastic::VectorXd& x_m);
+
+  [[nodiscard]] const AblatedBody& present() const noexcept { return *present_; }
+  /// Energy per mass that an element of the session's body has taken up, over what makes it
+  /// vanish.
+  [[nodiscard]] const std::vector<double>& doses() const noexcept { return doses_; }
+  [[nodiscard]] const AblationFigures& figures() const noexcept { return figures_; }
+
+ private:
+  using Made = std::shared_ptr<const AblatedBody>;
+  void order(const elastic::VectorXd& x_m);
+  [[nodiscard]] Made received();
+
+  Made whole_;
+  Made present_;
+  ElectrodeConfig electrode_;
+  double tip_radius_m_;
+  bool is_in_background_;
+  std::vector<double> doses_;         // of the elements of the whole body
+  std::vector<std::uint8_t> stages_;  // likewise
+  std::vector<Vector3> heated_m_;     // where each tool was energised last
+  bool is_changed_ = false;           // a stage, since the last order
+  bool is_ordered_ = false;
+  std::future<Made> under_way_;  // in the background
+  Made next_;                    // else; null: it could not be made
+  double clock_s_ = 0.0;
+  double ready_s_ = 0.0;
+  AblationFigures figures_;
+};
+
+}  // namespace palpate::physics
