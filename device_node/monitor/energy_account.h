@@ -126,7 +126,8 @@ class EnergyAccount {
     [[nodiscard]] double viscous_joule(const Vector3& window_moved_m) const noexcept;
   };
 
-  /// What a change of force by 1 N costs, of which the reading may be s old.
+  /// What a change of force by 1 N costs whose reading may be s apart from it. Lemma:
+  /// turned_switch.
   [[nodiscard]] double skew_m(double skew_s) const noexcept {
     const double way_m = v_skew_m_per_s_ * skew_s;
     return way_m * (1.0 + turning_per_m_ * way_m);

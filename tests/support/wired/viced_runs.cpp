@@ -64,7 +64,8 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
       return std::optional<Matrix3>(gain(hand_m).cwiseInverse().asDiagonal());
     };
     const Vector3 half_extent_m = half_extent(parts.run);
-    const device::HeldForce held = device::held_force(half_extent_m, jacobian_at);
+    device::HeldForce held{.ratio = 1.0};
+    if (turning_per_m_ != 0.0) held = device::held_force(half_extent_m, jacobian_at);
     set_specification({.model_name = "arm with vices",
                        .workspace_half_extent_m = half_extent_m,
                        .peak_force_newton = kPeakNewton,
