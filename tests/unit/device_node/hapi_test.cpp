@@ -132,7 +132,7 @@ TEST(Pantograph, OutOfReachThereIsNoAnswer) {
 /// A pantograph in the vertical plane x, z of D, its origin in the middle of its reach.
 HapiConfig upright_pantograph() {
   HapiConfig config;
-  config.torque_gain = 0.1;
+  config.torque_gain = 0.5;
   config.origin_m = Vector3(0.01, 0.07, 0.0);
   config.rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitX()));
   config.workspace_half_extent_m = Vector3(0.03, 1e-3, 0.02);
@@ -177,7 +177,7 @@ TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
 
   ASSERT_TRUE(device->apply({0.5, 1.0, -1.0}, std::chrono::seconds(1), sample));
 
-  // half a step of each motor, 0.1 times as strong, by a lever of more than 3 cm
+  // half a step of each motor, half as strong, by a lever of more than 3 cm
   EXPECT_LT((sample.applied_force_newton - Vector3(0.5, 0, -1.0)).norm(), 0.05);
   EXPECT_LT((emulated.motor_force_newton() - sample.applied_force_newton).norm(), 1e-5);
 }
