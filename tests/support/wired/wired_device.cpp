@@ -42,7 +42,7 @@ HaplyConfig haply_config(const Side& side) {
 /// Upright: x to the right, z up.
 HapiConfig hapi_config(const Side& side) {
   HapiConfig config;
-  config.torque_gain = 0.1;
+  config.torque_gain = 0.5;
   config.origin_m = Vector3(0.01, 0.07, 0.0);
   config.rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitX()));
   config.workspace_half_extent_m = Vector3(0.03, 1e-3, 0.02);
