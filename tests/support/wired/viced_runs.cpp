@@ -60,21 +60,21 @@ class VicedArm final : public device::WireDevice, public device::TrueStateSource
         count_newton_(parts.run.count_newton),
         tells_turned_(parts.run.tells_turned) {
     hardware_.set(parts.run.vices);
-    const auto jacobian_at = [this](const Vector3& hand_m) {
-      return std::optional<Matrix3>(gain(hand_m).cwiseInverse().asDiagonal());
-    };
     const Vector3 half_extent_m = half_extent(parts.run);
-    device::HeldForce held{.ratio = 1.0};
-    if (turning_per_m_ != 0.0) held = device::held_force(half_extent_m, jacobian_at);
-    set_specification({.model_name = "arm with vices",
-                       .workspace_half_extent_m = half_extent_m,
-                       .peak_force_newton = kPeakNewton,
-                       .continuous_force_newton = kPeakNewton,
-                       .position_resolution_m = parts.simulated.position_resolution_m,
-                       .button_count = 1,
-                       .has_motor_watchdog = books == Books::kSimple,
-                       .held_force_ratio = parts.run.bounds_held_currents ? held.ratio : 1.0,
-                       .turning_per_m = parts.run.bounds_held_currents ? held.turning_per_m : 0.0});
+    // gains are 1 ± this within the workspace
+    const double most = std::abs(turning_per_m_) * half_extent_m.x();
+    set_specification(
+        {.model_name = "arm with vices",
+         .workspace_half_extent_m = half_extent_m,
+         .peak_force_newton = kPeakNewton,
+         .continuous_force_newton = kPeakNewton,
+         .position_resolution_m = parts.simulated.position_resolution_m,
+         .button_count = 1,
+         .has_motor_watchdog = books == Books::kSimple,
+         .held_force_ratio = parts.run.bounds_held_currents ? (1.0 + most) / (1.0 - most) : 1.0,
+         .turning_per_m = parts.run.bounds_held_currents
+                              ? std::sqrt(3.0) * std::abs(turning_per_m_) / (1.0 - most)
+                              : 0.0});
     set_calibrated();
   }
 
