@@ -63,7 +63,8 @@ enum palpate_device_flags {
 
 /** What the device is. Asked once, after open; constant until close. Refused, with the rule, unless
  * every extent is > 0, 0 < continuous force ≤ peak force, the resolution is in 0 … 0.01 m, there
- * are at most 32 buttons and held_force_ratio is 0 or at least 1; all others finite. */
+ * are at most 32 buttons and held_force_ratio is 0 or at least 1, turning_per_m at least 0; all
+ * others finite. */
 typedef struct palpate_device_specification {
   uint32_t size;                     /**< sizeof(palpate_device_specification), set by the caller */
   uint32_t flags;                    /**< bits of palpate_device_flags */
@@ -80,6 +81,10 @@ typedef struct palpate_device_specification {
    * the device's friction divided by it, unless the session accepts more. Added later: ask
    * PALPATE_DEVICE_KNOWS before writing it. */
   double held_force_ratio;
+  /** Of the same motors: by what share the force of the same currents changes per metre of the
+   * hand's way, at most; 0: the motors hold the force, or no bound is known. Added later, as above.
+   */
+  double turning_per_m;
 } palpate_device_specification;
 
 /** One reading. The caller sets size, buttons 0, an identity orientation and zeros elsewhere. A

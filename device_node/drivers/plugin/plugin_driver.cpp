@@ -162,11 +162,14 @@ class PluginDevice final : public HapticDevice {
         !(s.continuous_force_newton > 0.0) || !(s.peak_force_newton >= s.continuous_force_newton) ||
         !std::isfinite(s.peak_force_newton) || !(s.position_resolution_m >= 0.0) ||
         !(s.position_resolution_m < 0.01) || s.button_count > 32 ||
-        !(s.held_force_ratio == 0.0 || s.held_force_ratio >= 1.0)) {
+        !(s.held_force_ratio == 0.0 || s.held_force_ratio >= 1.0) ||
+        !(s.turning_per_m >= 0.0 && std::isfinite(s.turning_per_m))) {
       driver_->close(std::exchange(device_, nullptr));
       refuse(config,
              "its specification needs a workspace > 0, 0 < continuous force ≤ peak force, a "
-             "resolution of 0 … 0.01 m, at most 32 buttons and a held_force_ratio of 0 or ≥ 1");
+             "resolution of 0 … 0.01 m, at most 32 buttons, a held_force_ratio of 0 or ≥ 1 and a "
+             "finite "
+             "turning_per_m ≥ 0");
     }
     specification_ = {.model_name = s.model_name[0] != '\0' ? s.model_name : "plug-in",
                       .workspace_half_extent_m = workspace,
@@ -176,7 +179,8 @@ class PluginDevice final : public HapticDevice {
                       .button_count = s.button_count,
                       .has_motor_watchdog = (s.flags & PALPATE_DEVICE_HAS_WATCHDOG) != 0,
                       .has_position_latch = (s.flags & PALPATE_DEVICE_HAS_LATCH) != 0,
-                      .held_force_ratio = std::max(1.0, s.held_force_ratio)};
+                      .held_force_ratio = std::max(1.0, s.held_force_ratio),
+                      .turning_per_m = s.turning_per_m};
     measures_force_ = (s.flags & PALPATE_DEVICE_MEASURES_FORCE) != 0;
   }
 

@@ -15,8 +15,8 @@
 #include <limits>
 #include <map>
 #include <string>
-#include <vector>
 #include <thread>
+#include <vector>
 
 #include "common/core/check.h"
 #include "deploy/ros/device/device_wire.h"
@@ -113,13 +113,15 @@ TEST(Plugin, HeldCurrentsAndTheTimeOfATransferArePassedOn) {
   const ManualClock clock;
   const auto device = open_wrong("held currents", clock);
   EXPECT_EQ(device->specification().held_force_ratio, 2.5);
+  EXPECT_EQ(device->specification().turning_per_m, 21.0);
   DeviceSample sample;
   ASSERT_TRUE(device->read(sample));
   EXPECT_EQ(sample.turning_joule, 0.25);
   EXPECT_EQ(sample.skew, std::chrono::microseconds(300));
   EXPECT_EQ(open_wrong("", clock)->specification().held_force_ratio, 1.0);
-  for (const char* fault : {"held less", "held no number"}) {
-    EXPECT_THAT(refusal_of(PALPATE_WRONG_DEVICE, fault), HasSubstr("held_force_ratio")) << fault;
+  EXPECT_EQ(sample.turned_newton, Vector3(0, 0.5, 0));
+  for (const char* fault : {"held less", "held no number", "turns endlessly"}) {
+    EXPECT_THAT(refusal_of(PALPATE_WRONG_DEVICE, fault), HasSubstr("turning_per_m ≥ 0")) << fault;
   }
 }
 

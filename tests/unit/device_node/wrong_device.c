@@ -20,7 +20,8 @@ static void measure_wrong(palpate_device_reading* out) {
   if (strcmp(fault, "measures another force") == 0) out->measured_force_newton[2] = 9.0;
   if (strcmp(fault, "measures no number") == 0) out->measured_force_newton[0] = NAN;
   if (strcmp(fault, "measures too much") == 0) out->measured_force_newton[0] = 31.0;
-  if (strcmp(fault, "held currents") == 0) out->turning_joule = 0.25, out->skew_ns = 300000;
+  if (strcmp(fault, "held currents") == 0)
+    out->turning_joule = 0.25, out->turned_newton[1] = 0.5, out->skew_ns = 300000;
   if (strcmp(fault, "turns no number") == 0) out->turning_joule = NAN;
   if (strcmp(fault, "skew of the past") == 0) out->skew_ns = -1;
   if (strcmp(fault, "skew of hours") == 0) out->skew_ns = INT64_MAX;
@@ -30,7 +31,8 @@ static void specify_wrong(const palpate_device* d, palpate_device_specification*
   specify(d, out);
   /* as a library does that was made before the flag and its member */
   if (strcmp(fault, "older") == 0) out->flags &= ~(uint32_t)PALPATE_DEVICE_MEASURES_FORCE;
-  if (strcmp(fault, "held currents") == 0) out->held_force_ratio = 2.5;
+  if (strcmp(fault, "held currents") == 0) out->held_force_ratio = 2.5, out->turning_per_m = 21.0;
+  if (strcmp(fault, "turns endlessly") == 0) out->turning_per_m = INFINITY;
   if (strcmp(fault, "held less") == 0) out->held_force_ratio = 0.5;
   if (strcmp(fault, "held no number") == 0) out->held_force_ratio = NAN;
 }
