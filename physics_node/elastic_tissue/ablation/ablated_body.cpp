@@ -148,7 +148,7 @@ std::vector<std::int32_t> points_of_faces(const AblatedBody& ablated, std::size_
     const auto opposite = std::find_if(corners.begin(), corners.end(), [&](std::uint32_t node) {
       return std::find(face.nodes.begin(), face.nodes.begin() + 3, node) == face.nodes.begin() + 3;
     });
-    first[4 * ablated.elements[face.element] +
+    first[std::size_t{4} * ablated.elements[face.element] +
           static_cast<std::size_t>(opposite - corners.begin())] = static_cast<std::int32_t>(point);
     while (point < body.points.size() && body.points[point].nodes == face.nodes) ++point;
   }
