@@ -225,7 +225,7 @@ elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vec
 /// The rest of a body whose constants are known.
 /// @param start_m  where the search for its rest position begins; empty: it is in the mesh
 /// @param name     begins the message of a SetupError
-void complete(elastic::BodyDescription description, elastic::VectorXd start_m,
+void complete(elastic::BodyDescription description, const elastic::VectorXd& start_m,
               const elastic::Body* alike, const std::string& name, ElasticBody& made) {
   made.faces = elastic::surface_of(description.mesh);
   made.points = contact_points(description.mesh, made.faces, made.tip_radius_m);
@@ -238,7 +238,7 @@ void complete(elastic::BodyDescription description, elastic::VectorXd start_m,
   }
 
   const bool has_start = start_m.size() > 0;
-  made.start_m = has_start ? std::move(start_m) : made.body->rest_m();
+  made.start_m = has_start ? start_m : made.body->rest_m();
   if (made.body->load_newton().size() > 0 || has_start) {
     elastic::EquilibriumSearch search(*made.body);
     elastic::WarpedFactor factor(*made.body, elastic::Precision::kDouble);
@@ -364,7 +364,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
 
 std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
                                                        elastic::BodyDescription description,
-                                                       elastic::VectorXd start_m,
+                                                       const elastic::VectorXd& start_m,
                                                        const elastic::Body* alike) {
   auto made = std::make_shared<ElasticBody>(ElasticBody{
       .tissue = like.tissue, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});
@@ -376,7 +376,7 @@ std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
   made->shear_newton_per_m = like.shear_newton_per_m;
   made->solve_rate_hz = like.solve_rate_hz;
   made->viscosity_s = like.viscosity_s;
-  complete(std::move(description), std::move(start_m), alike, "", *made);
+  complete(std::move(description), start_m, alike, "", *made);
   return made;
 }
 

@@ -91,7 +91,7 @@ struct ElasticBody {
 /// @param alike    of the same elements, or null @see elastic::Body
 /// @throws SetupError  it cannot be used @see make_elastic_body
 [[nodiscard]] std::shared_ptr<const ElasticBody> remade_elastic_body(
-    const ElasticBody& like, elastic::BodyDescription description, elastic::VectorXd start_m,
+    const ElasticBody& like, elastic::BodyDescription description, const elastic::VectorXd& start_m,
     const elastic::Body* alike);
 
 /// The elastic bodies of a scene; empty: it has none. @throws SetupError  @see make_elastic_body

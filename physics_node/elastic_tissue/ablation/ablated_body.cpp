@@ -148,7 +148,7 @@ std::vector<std::int32_t> points_of_faces(const AblatedBody& ablated, std::size_
     const auto opposite = std::find_if(corners.begin(), corners.end(), [&](std::uint32_t node) {
       return std::find(face.nodes.begin(), face.nodes.begin() + 3, node) == face.nodes.begin() + 3;
     });
-    first[4 * ablated.elements[face.element] +
+    first[std::size_t{4} * ablated.elements[face.element] +
           static_cast<std::size_t>(opposite - corners.begin())] = static_cast<std::int32_t>(point);
     while (point < body.points.size() && body.points[point].nodes == face.nodes) ++point;
   }
@@ -229,7 +229,7 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
   }
   after->shared = std::make_shared<BodyCompliance>(remade_elastic_body(
       whole, description_of(whole, std::move(left), after->elements, stages, softest_ratio),
-      std::move(start_m), is_softer_only ? before.body()->body.get() : nullptr));
+      start_m, is_softer_only ? before.body()->body.get() : nullptr));
   after->change.old_points = old_points_of(before, *after, all.mesh.element_count());
 
   // the first steps of a tool that is there shall not wait for them

@@ -34,16 +34,14 @@ struct Recording {
   }
 };
 
-/// `resection`, which sinks twice as fast, with its electrode on from the third second on.
+/// `resection`, in which the tool touches from 0.6 s on and ablates from 2 s on.
 Recording resected(const std::vector<std::string>& overrides, Duration length,
                    bool has_ideal = false) {
-  std::vector<std::string> all{"hand.press[0].from_s=3", "hand.sinusoid.frequency_hz.z=0.08"};
-  all.insert(all.end(), overrides.begin(), overrides.end());
   Recording result;
-  Lockstep lockstep(load_session(test::source_dir() + "/deploy/sessions/resection.txtpb", all),
-                    {.has_ideal = has_ideal}, [&](const TickRow& row, const IdealState& /*ideal*/) {
-                      result.rows.push_back(row);
-                    });
+  Lockstep lockstep(
+      load_session(test::source_dir() + "/deploy/sessions/resection.txtpb", overrides),
+      {.has_ideal = has_ideal},
+      [&](const TickRow& row, const IdealState& /*ideal*/) { result.rows.push_back(row); });
   lockstep.run_until(length);
   result.physics = lockstep.physics_counters();
   return result;
@@ -51,24 +49,24 @@ Recording resected(const std::vector<std::string>& overrides, Duration length,
 
 // The same motion with the electrode off is the tissue without ablation.
 TEST(AblationLoop, ResectsUnderTheHandWhichIsGivenNothing) {
-  const Recording run = resected({"hand.press[0].until_s=6"}, 7s);
-  const Recording whole = resected({"hand.press[0].from_s=6.9"}, 6900ms);
+  const Recording run = resected({"hand.press[0].until_s=5"}, 6s);
+  const Recording whole = resected({"hand.press[0].from_s=5.9"}, 5900ms);
 
   EXPECT_GT(run.physics.elastic_bodies_remade, 5U);
   EXPECT_GT(run.physics.elastic_elements_removed, 20U);
   EXPECT_EQ(run.physics.elastic_bodies_refused, 0U);
   EXPECT_NEAR(static_cast<double>(run.physics.elastic_energised_steps), 3000.0, 2.0);
-  EXPECT_GT(run.largest_newton(2.0, 3.0), 0.1) << "before";
-  EXPECT_EQ(run.largest_newton(2.0, 3.0), whole.largest_newton(2.0, 3.0));
-  EXPECT_LT(run.largest_newton(5.0, 6.0), 0.8 * whole.largest_newton(5.0, 6.0)) << "during";
-  EXPECT_LT(run.largest_newton(6.5, 6.9), 0.8 * whole.largest_newton(6.5, 6.9)) << "after";
+  EXPECT_GT(run.largest_newton(1.0, 2.0), 0.05) << "before";
+  EXPECT_EQ(run.largest_newton(1.0, 2.0), whole.largest_newton(1.0, 2.0));
+  EXPECT_LT(run.largest_newton(4.0, 5.0), 0.8 * whole.largest_newton(4.0, 5.0)) << "during";
+  EXPECT_LT(run.largest_newton(5.5, 5.9), 0.8 * whole.largest_newton(5.5, 5.9)) << "after";
   EXPECT_GE(run.last().device.minimum_true_energy_joule, -1e-6);
   for (const TickRow& row : run.rows) ASSERT_TRUE(row.device.force_on_hand_newton.allFinite());
 }
 
 TEST(AblationLoop, IsTheSameToTheBit) {
-  const Recording first = resected({}, 5s);
-  const Recording second = resected({}, 5s);
+  const Recording first = resected({}, 3500ms);
+  const Recording second = resected({}, 3500ms);
   ASSERT_GT(first.physics.elastic_bodies_remade, 0U);
   ASSERT_EQ(first.rows.size(), second.rows.size());
   for (std::size_t i = 0; i < first.rows.size(); ++i) {
@@ -79,7 +77,7 @@ TEST(AblationLoop, IsTheSameToTheBit) {
 
 // The ideal is ablated by the same law, with full solutions every millisecond.
 TEST(AblationLoop, TheIdealIsAblatedToo) {
-  const Recording run = resected({}, 4500ms, true);
+  const Recording run = resected({}, 3500ms, true);
   double error2 = 0.0;
   double ideal2 = 0.0;
   for (const TickRow& row : run.rows) {
@@ -97,20 +95,20 @@ TEST(AblationLoop, ABadNetworkDoesNotGiveTheHandEnergy) {
     network.push_back(std::string("faults.") + link + ".delay_ms=50");
     network.push_back(std::string("faults.") + link + ".loss_ratio=0.2");
   }
-  const Recording run = resected(network, 6s);
+  const Recording run = resected(network, 5s);
   EXPECT_GT(run.physics.elastic_elements_removed, 0U);
   EXPECT_GE(run.last().device.minimum_true_energy_joule, -1e-6);
 }
 
 // A hostile hand on tissue that vanishes under it.
 TEST(AblationLoop, AHostileHandGetsNothing) {
-  for (const std::uint64_t seed : test::seeds(6)) {
+  for (const std::uint64_t seed : test::seeds(3)) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     const Recording run =
         resected({"seed=" + std::to_string(seed), "hand.press[0].from_s=0.1",
                   "hand.hostile.radius_m=0.02", "hand.hostile.v_max_m_per_s=0.3",
                   "hand.stiffness_newton_per_m=2000", "hand.damping_newton_s_per_m=40"},
-                 1500ms);
+                 1000ms);
     EXPECT_GE(run.last().device.minimum_true_energy_joule, -1e-6);
   }
 }

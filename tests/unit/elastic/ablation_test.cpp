@@ -13,6 +13,7 @@
 #include <random>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -144,7 +145,7 @@ SceneConfig scene_of(const std::string& file, ElasticMaterial material) {
 class Ablated : public testing::Test {
  protected:
   explicit Ablated(ElasticMaterial material = {.is_linear = true})
-      : scene_(scene_of(write(mesh_, "whole"), material)) {}
+      : scene_(scene_of(write(mesh_, "whole"), std::move(material))) {}
 
   std::string write(const TetrahedralMesh& mesh, const std::string& name) const {
     std::string file = folder_.path() / (name + ".msh");
