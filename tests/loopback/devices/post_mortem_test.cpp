@@ -387,7 +387,7 @@ TEST(PostMortem, ADamagedFileIsRefusedWithItsLine) {
   std::istringstream words(lines[3].substr(std::string("#state ").size()));
   std::vector<std::string> all;
   for (std::string word; words >> word;) all.push_back(word);
-  all[5] = "7";
+  all[6] = "7";
   std::string far = "#state";
   for (const std::string& word : all) far += ' ' + word;
   EXPECT_THAT(refusal(3, far), HasSubstr("the state is not complete"));
