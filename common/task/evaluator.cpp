@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace palpate {
 namespace {
@@ -344,13 +345,26 @@ void TaskEvaluator::mark_loss_of_resistance(MarkScore& mark) {
 /// @param t_s  of the sample
 void TaskEvaluator::mark_find(MarkScore& mark, double t_s) {
   const bool has_place = touch_ && t_s - touch_->t_s <= kMarkMemory_s;
+  const auto can_be_felt = [&](std::size_t i) {
+    const double palpable_newton = score_.targets[i].palpable_newton;
+    return !std::isfinite(palpable_newton) || regions_[i].forces.most_newton() >= palpable_newton;
+  };
+  // of lesions that overlap one that this mark can find, then one that is found, then one that was
+  // not felt; of those the nearest
+  const auto rank = [&](std::size_t i) {
+    const bool is_found = score_.targets[i].outcome == TargetScore::Outcome::kFound;
+    return is_found ? 1 : can_be_felt(i) ? 0 : 2;
+  };
   std::size_t best = score_.targets.size();
   double best_m = 0.0;
   for (std::size_t i = 0; has_place && i < score_.targets.size(); ++i) {
     if (!regions_[i].above_m) continue;
     const double distance_m = (touch_->foot.point_m - *regions_[i].above_m).norm();
     if (distance_m > palpation()->targets[i].radius_m + palpation()->mark_tolerance_m) continue;
-    if (best < score_.targets.size() && distance_m >= best_m) continue;
+    if (best < score_.targets.size() &&
+        std::pair(rank(i), distance_m) >= std::pair(rank(best), best_m)) {
+      continue;
+    }
     best = i;
     best_m = distance_m;
   }
@@ -358,12 +372,9 @@ void TaskEvaluator::mark_find(MarkScore& mark, double t_s) {
   if (best == score_.targets.size()) return;
   TargetScore& target = score_.targets[best];
   mark.target = target.name;
-  const double most_newton = regions_[best].forces.most_newton();
-  const bool can_be_felt =
-      !std::isfinite(target.palpable_newton) || most_newton >= target.palpable_newton;
   if (target.outcome == TargetScore::Outcome::kFound) {
     mark.outcome = MarkScore::Outcome::kRepeated;
-  } else if (can_be_felt) {
+  } else if (can_be_felt(best)) {
     mark.outcome = MarkScore::Outcome::kFind;
     target.outcome = TargetScore::Outcome::kFound;
     target.found_after_s = mark.t_s;
@@ -371,7 +382,7 @@ void TaskEvaluator::mark_find(MarkScore& mark, double t_s) {
   } else {
     mark.outcome = MarkScore::Outcome::kGuess;
     target.outcome = TargetScore::Outcome::kGuessed;
-    target.guess_newton = most_newton;
+    target.guess_newton = regions_[best].forces.most_newton();
   }
 }
 

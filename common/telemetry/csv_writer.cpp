@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/telemetry/csv_writer.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstring>
 #include <filesystem>
+#include <string_view>
 #include <utility>
 
 #include "common/core/check.h"
+#include "common/core/user/utf8.h"
 
 namespace palpate {
 namespace {
@@ -59,7 +62,14 @@ bool has_force_of_physics(const MofcTick& mofc) {
 
 }  // namespace
 
-std::string csv_cell(const std::string& text) {
+std::string csv_cell(const std::string& any_text) {
+  // readers of CSV take UTF-8; names of files may be anything
+  std::string text;
+  for (std::size_t at = 0; at < any_text.size();) {
+    const std::size_t length = utf8_character_at(std::string_view(any_text).substr(at)).length;
+    text += length == 0 ? "\xEF\xBF\xBD" : any_text.substr(at, length);
+    at += std::max<std::size_t>(1, length);
+  }
   if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
   std::string cell(1, '"');
   for (const char c : text) {

@@ -99,6 +99,30 @@ std::vector<std::string> Plan::overrides_of(std::size_t condition, std::size_t a
   return all;
 }
 
+namespace {
+
+/// Nothing else may set what the staircase sets, nor a message that has it: the difference of a
+/// trial would be another one than its row says.
+void refuse_rivals_of_staircase(const Plan& plan) {
+  if (!plan.staircase) return;
+  const auto check = [&](const std::vector<std::string>& overrides) {
+    for (const std::string& one : overrides) {
+      const std::string path = one.substr(0, one.find('='));
+      if (!plan.staircase->field.starts_with(path)) continue;
+      const std::string rest = plan.staircase->field.substr(path.size());
+      if (!rest.empty() && rest.front() != '.' && rest.front() != '[') continue;
+      throw SetupError(plan.file.string() + ": \"" + one + "\" sets what the staircase sets, " +
+                       plan.staircase->field +
+                       "; leave it out, or give the staircase another field");
+    }
+  };
+  check(plan.overrides);
+  for (const Condition& condition : plan.conditions) check(condition.overrides);
+  for (const auto& alternative : plan.staircase->alternatives) check(alternative);
+}
+
+}  // namespace
+
 Plan load_plan(const std::filesystem::path& file) {
   Problems problems(file.string());
   v1::Study written;
@@ -106,6 +130,7 @@ Plan load_plan(const std::filesystem::path& file) {
   Plan plan = to_plan(written, text);
   problems.throw_if_any();
   plan.file = file;
+  refuse_rivals_of_staircase(plan);
   plan.session_file = (file.parent_path() / written.session()).lexically_normal();
   std::string all = written.DebugString();
   std::vector<std::string> named;  // overrides of any trial

@@ -235,8 +235,8 @@ struct Damage {
   int doubles = 0;
 
   void operator()(double& value) {
-    // after its resolution, speed and friction, and three paths of five
-    if (++doubles == 3 + 3 * 5 + 1) value += more_joule;
+    // after its resolution, speed, turning and friction, and three paths of five
+    if (++doubles == 4 + 3 * 5 + 1) value += more_joule;
   }
   template <class T>
   void operator()(T&) {}

@@ -299,6 +299,10 @@ test("axe-core has no objection to a task before the start, while it runs and af
   await page.locator("#task .map-key", { hasText: /not pressed\s*lesion, not found/ }).waitFor();
   await page.getByRole("img", { name: /^Force over the task, / }).waitFor();
   await assert_accessible("after the end");
+  const late = await open(browser, nodes.url, kPhone);
+  await region(late).getByRole("heading", { name: "Score" }).waitFor();
+  await late.locator("#task[tabindex='0']").waitFor(); // it scrolls, so keys reach it
+  assert.deepEqual(await violations(late), [], "on a phone that came after the end");
 });
 
 test("a viewer_node and a recorder that are killed during a task lose no more than half a second of it", kWhole, async () => {

@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "common/core/check.h"
@@ -237,7 +238,8 @@ Station station_of(const std::string& text) {
     station.host = station.host.substr(1, station.host.size() - 2);
   }
   const bool has_port = !station.port.empty() && station.port.size() <= 5 &&
-                        station.port.find_first_not_of("0123456789") == std::string::npos;
+                        station.port.find_first_not_of("0123456789") == std::string::npos &&
+                        std::stoi(station.port) >= 1 && std::stoi(station.port) <= 65535;
   if (station.host.empty() || !has_port) throw refuse();
   if (const std::size_t token = rest.find("token="); token != std::string::npos) {
     station.token = rest.substr(token + 6, rest.find_first_of("&#", token) - token - 6);

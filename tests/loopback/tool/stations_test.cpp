@@ -190,8 +190,8 @@ TEST(Stations, AreAPage) {
 }
 
 TEST(Stations, AnAddressThatIsNoneIsRefused) {
-  for (const char* address :
-       {"station1", "https://a/", "=http://a/", "http://", "http://a:b/", "http://a:123456/"}) {
+  for (const char* address : {"station1", "https://a/", "=http://a/", "http://", "http://a:b/",
+                              "http://a:123456/", "http://a:65536/", "http://a:0/"}) {
     const Outcome outcome = run_program("palpate", {"stations", "--once", address});
     EXPECT_EQ(outcome.status, 2) << address;
     EXPECT_THAT(outcome.err, HasSubstr("give the address of its page")) << address;

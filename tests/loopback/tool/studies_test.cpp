@@ -172,6 +172,14 @@ TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {
   EXPECT_THAT(refusal(std::string("session: \"") + kSessions +
                       "../default.txtpb\" condition { name: \"a\" }"),
               HasSubstr("has no task"));
+  const std::string staircase =
+      " staircase { field: \"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m\" reference: 1 "
+      "alternative {} alternative {} }";
+  for (const char* rival : {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=9", "scene={}"}) {
+    EXPECT_THAT(refusal(session + "condition { name: \"a\" set: \"" + rival + "\" }" + staircase),
+                HasSubstr("sets what the staircase sets"))
+        << rival;
+  }
   EXPECT_THAT(refusal("condition { nam: \"a\" }"), HasSubstr("nam"));
   EXPECT_THAT(palpate({"study", plan(session + "condition { name: \"a\" }")}).err,
               HasSubstr("give --participant N"));

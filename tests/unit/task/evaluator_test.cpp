@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "tests/unit/task/task_support.h"
@@ -60,6 +61,35 @@ TEST(TaskEvaluator, AMarkWithoutAPressThatCanFeelItIsAGuess) {
   EXPECT_THAT(findings_of(score),
               Contains(HasSubstr("guessed: before the mark you had pressed over it with at most "
                                  "1.9 N")));
+}
+
+// Two of them above each other: the second mark is for the second one.
+TEST(TaskEvaluator, OfLesionsThatOverlapEachIsFoundByAMarkOfItsOwn) {
+  TaskConfig task = search({lump(), lump()});
+  task.mark_button = 1;
+  const TaskScore score = score_of(task, 6.0, [](double t_s) {
+    Tip tip = pressed(0.02, 0.0, 0.003, 2.5);
+    tip.buttons = std::fmod(t_s, kMark_s) > kMark_s - 0.2 && t_s < 5.0 ? 2U : 0U;
+    return tip;
+  });
+  ASSERT_THAT(score.marks, SizeIs(2));
+  EXPECT_EQ(score.marks[1].outcome, MarkScore::Outcome::kFind);
+  EXPECT_THAT(findings_of(score), Contains("Found 2 of 2."));
+}
+
+TEST(TaskEvaluator, ALesionThatCanBeFeltComesBeforeANearerOneThatCannot) {
+  auto deep = lump();
+  deep.palpable_newton = 5.0;
+  TaskConfig task = search({deep, lump()});
+  task.mark_button = 1;
+  const TaskScore score = score_of(task, 4.0, [](double t_s) {
+    Tip tip = pressed(0.02, 0.0, 0.003, 2.5);
+    tip.buttons = t_s >= kMark_s && t_s < kMark_s + 0.2 ? 2U : 0U;
+    return tip;
+  });
+  EXPECT_EQ(score.marks[0].outcome, MarkScore::Outcome::kFind);
+  EXPECT_EQ(score.targets[0].outcome, Outcome::kMissed);
+  EXPECT_EQ(score.targets[1].outcome, Outcome::kFound);
 }
 
 TEST(TaskEvaluator, MissedLesionsAreToldApart) {

@@ -313,6 +313,17 @@ test("the nodes of a paused replay are not gone", () => {
   assert.ok(!telemetry.nodes.device.is_alive(30));
 });
 
+test("nor are they for a page that is opened while it stands still", () => {
+  const telemetry = new Telemetry();
+  const health = {
+    nodes: ["device", "mofc", "physics"].map((name) => ({ name, isHeard: true, silenceS: 5, sessionId: 1n, restarts: 0 })),
+    clients: 1, messagesDropped: 0n, framesRejected: 0n, handHolder: 0n, version: "", markers: [],
+    replay: { file: "run.mcap", positionS: 9, lengthS: 9, speedRatio: 1, isPaused: true, beginNs: 0n },
+  } as unknown as Health;
+  for (let now_s = 1; now_s < 9; now_s += 0.2) telemetry.take_health(health, now_s);
+  assert.ok(telemetry.nodes.device.is_alive(9));
+});
+
 test("a force is withdrawn within 0.1 s of a node's end, not between batches of a slow audience", () => {
   const telemetry = running(1);
   for (let batch = 1; batch < 50; ++batch) {

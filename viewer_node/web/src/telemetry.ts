@@ -275,13 +275,14 @@ export class Telemetry {
   take_health(health: Health, now_s: number, side = ""): void {
     this.health = health;
     const prefix = side ? `${side}.` : "";
-    // a replay that stands still or creeps sends no batches; its nodes are not gone
-    if (health.replay && (health.replay.isPaused || health.replay.speedRatio < kSlowReplay)) {
+    // a replay that stands still or creeps sends no batches; its nodes are not gone, nor for a page that comes then
+    const stands = health.replay !== undefined && (health.replay.isPaused || health.replay.speedRatio < kSlowReplay);
+    if (stands) {
       for (const name of kNodes) if (this.nodes[name].is_alive(now_s)) this.nodes[name].heard_s = now_s;
     }
     for (const { name, silenceS } of health.nodes) {
       const node = name.startsWith(prefix) ? this.nodes[name.slice(prefix.length) as NodeName] : undefined;
-      if (node && Number.isNaN(node.heard_s) && silenceS >= 0) node.heard_s = now_s - silenceS;
+      if (node && Number.isNaN(node.heard_s) && silenceS >= 0) node.heard_s = stands ? now_s : now_s - silenceS;
     }
   }
 

@@ -197,6 +197,9 @@ export class TaskPanel {
     write(this.find, task.kind === TaskKind.needle ? "The resistance is lost (M)" : "Mark a find (M)");
     this.stop.hidden = !is_running || !may_act;
     this.findings.hidden = this.figures.hidden = !has_ended;
+    // what scrolls is a stop of Tab, so that its end is reached by keys
+    if (this.element.scrollHeight > this.element.clientHeight) this.element.tabIndex = 0;
+    else this.element.removeAttribute("tabindex");
     this.force.is_known &&= has_ended;
     this.force.element.hidden = !this.force.is_known;
     if (this.findings.childElementCount !== task.findings.length || this.findings.textContent !== task.findings.join("")) {
