@@ -60,16 +60,15 @@ DeviceProfile to_profile(const Fields& fields, const std::optional<DeviceProfile
 }
 
 double to_reply_us(const Fields& device, double period_us, double wait_us) {
-  // an answer late in the period is worth more than none; the rest is for the end of the tick
-  double default_us = 0.8 * period_us;
+  double default_us = 0.5 * period_us;
   if (wait_us > 0.0) {
     default_us =
-        std::max(default_us, std::min(wait_us + 0.1 * period_us, 0.5 * (wait_us + period_us)));
+        std::min(std::max(default_us, wait_us + 0.1 * period_us), 0.5 * (wait_us + period_us));
   }
   const double reply_us = device.number("reply_us", default_us);
   if (device.has("reply_us") && reply_us >= period_us) {
     device.problem("reply_us", "must be < 1 period of device.rate_hz, " + shown(period_us) +
-                                   " us; leave it out for 0.8 periods");
+                                   " us; leave it out for half a period");
   }
   if (device.has("reply_us") && wait_us >= reply_us) {
     device.problem("reply_us", "must be > mofc.wait_for_physics_ms, " + shown(wait_us) +
