@@ -12,9 +12,9 @@
  * (palpate_device.h) is known for no device: without it no force acts that the session does not
  * accept. Even with it turning_joule stays 0, because the Jacobian of the arm is unknown: the work
  * that held currents do while the arm turns is in no account. Force and position are separate
- * calls: skew_ns is the time of both. The firmware's watchdog ends a force 10 ms after the last command: later
- * than a lease may end, so the guarantee is reported as not available while the process is stopped.
- * Gravity compensation stays with the device. */
+ * calls: skew_ns is the time of both. The firmware's watchdog ends a force 10 ms after the last
+ * command: later than a lease may end, so the guarantee is reported as not available while the
+ * process is stopped. Gravity compensation stays with the device. */
 #include "vendor_library.h"
 
 enum { kWatchdog = 80 }; /* of 125 µs */
