@@ -176,9 +176,9 @@ TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {
       " staircase { field: \"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m\" reference: 1 "
       "alternative {} alternative {} }";
   for (const char* rival : {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=9", "scene={}"}) {
-    EXPECT_THAT(refusal(session + "condition { name: \"a\" set: \"" + rival + "\" }" + staircase),
-                HasSubstr("sets what the staircase sets"))
-        << rival;
+    std::string text = session;
+    text.append("condition { name: \"a\" set: \"").append(rival).append("\" }").append(staircase);
+    EXPECT_THAT(refusal(text), HasSubstr("sets what the staircase sets")) << rival;
   }
   EXPECT_THAT(refusal("condition { nam: \"a\" }"), HasSubstr("nam"));
   EXPECT_THAT(palpate({"study", plan(session + "condition { name: \"a\" }")}).err,
