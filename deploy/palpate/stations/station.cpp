@@ -237,10 +237,10 @@ Station station_of(const std::string& text) {
   if (station.host.size() > 2 && station.host.front() == '[') {
     station.host = station.host.substr(1, station.host.size() - 2);
   }
-  const bool has_port = !station.port.empty() && station.port.size() <= 5 &&
-                        station.port.find_first_not_of("0123456789") == std::string::npos &&
-                        std::stoi(station.port) >= 1 && std::stoi(station.port) <= 65535;
-  if (station.host.empty() || !has_port) throw refuse();
+  const bool is_number = !station.port.empty() && station.port.size() <= 5 &&
+                         station.port.find_first_not_of("0123456789") == std::string::npos;
+  const int port = is_number ? std::stoi(station.port) : 0;
+  if (station.host.empty() || port < 1 || port > 65535) throw refuse();
   if (const std::size_t token = rest.find("token="); token != std::string::npos) {
     station.token = rest.substr(token + 6, rest.find_first_of("&#", token) - token - 6);
   }

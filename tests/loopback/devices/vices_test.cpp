@@ -106,6 +106,10 @@ TEST(VicesTwin, SimpleBooksAreFarAboveTheTruthAfterStalls) {
 constexpr auto kIsBooked = [](const VicedResult& result, std::uint64_t seed) {
   EXPECT_LE(result.most_unbooked_joule, kRoundingJoule) << "seed=" << seed;
 };
+constexpr auto kIsPassiveAndBooked = [](const VicedResult& result, std::uint64_t seed) {
+  EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
+  kIsBooked(result, seed);
+};
 
 // A command that stays has other torques at each place; late, they are those of an earlier one.
 VicedRun that_comes_late(std::uint64_t seed) {
@@ -113,7 +117,7 @@ VicedRun that_comes_late(std::uint64_t seed) {
   VicedRun run;
   run.turning_per_m = kTurning_per_m[seed % 3];
   run.steady_newton = seed % 2 == 0 ? 3.0 : -3.0;
-  run.vices.sensing = run.vices.actuation = Duration((seed % 4 < 2 ? 1 : 2) * 1'000'000);
+  run.vices.sensing = run.vices.actuation = std::chrono::milliseconds(seed % 4 < 2 ? 1 : 2);
   run.coulomb_newton = 0.02;
   run.viscous_newton_s_per_m = 0.0;
   run.resolution_m = 1e-5;
@@ -122,12 +126,8 @@ VicedRun that_comes_late(std::uint64_t seed) {
 }
 
 TEST(Vices, ASteadyForceOfHeldCurrentsThatComesLateIsBooked) {
-  const Worst worst = all_runs("a steady force, late", 12, Books::kTrue, that_comes_late,
-                               [](const VicedResult& result, std::uint64_t seed) {
-                                 EXPECT_GE(result.least_true_joule, -kRoundingJoule)
-                                     << "seed=" << seed;
-                                 kIsBooked(result, seed);
-                               });
+  const Worst worst =
+      all_runs("a steady force, late", 12, Books::kTrue, that_comes_late, kIsPassiveAndBooked);
   EXPECT_GT(worst.pushed, 1000U) << "forces act at all";
 }
 
@@ -147,8 +147,8 @@ VicedRun that_ends_unseen(std::uint64_t seed) {
   VicedRun run;
   run.turning_per_m = seed % 2 == 0 ? 12.0 : 20.0;
   run.steady_newton = seed % 4 < 2 ? 2.0 : -2.0;
-  run.vices.watchdog = Duration(100'000'000);
-  run.longest_stall = Duration(static_cast<std::int64_t>(150 + 10 * (seed % 10)) * 1'000'000);
+  run.vices.watchdog = std::chrono::milliseconds(100);
+  run.longest_stall = std::chrono::milliseconds(150 + 10 * static_cast<int>(seed % 10));
   run.viscous_newton_s_per_m = 0.0;
   run.resolution_m = 1e-5;
   run.seconds = 12.0;
@@ -228,11 +228,7 @@ VicedRun acknowledged_at_once(std::uint64_t seed) {
 
 TEST(Vices, AnAcknowledgementRightAfterAFaultBooksNothingTooMuch) {
   const Worst worst = all_runs("acknowledged at once", 100, Books::kTrue, acknowledged_at_once,
-                               [](const VicedResult& result, std::uint64_t seed) {
-                                 EXPECT_GE(result.least_true_joule, -kRoundingJoule)
-                                     << "seed=" << seed;
-                                 kIsBooked(result, seed);
-                               });
+                               kIsPassiveAndBooked);
   EXPECT_GT(worst.faults, 10 * seed_count(100));
 }
 
@@ -256,11 +252,7 @@ VicedRun that_rounds(std::uint64_t seed) {
 }
 
 TEST(Vices, RoundingOfTheFallbackGivesTheHandNoEnergy) {
-  const Worst worst = all_runs(
-      "rounding", 60, Books::kTrue, that_rounds, [](const VicedResult& result, std::uint64_t seed) {
-        EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
-        kIsBooked(result, seed);
-      });
+  const Worst worst = all_runs("rounding", 60, Books::kTrue, that_rounds, kIsPassiveAndBooked);
   EXPECT_GT(worst.fallback, 1000U);
 }
 

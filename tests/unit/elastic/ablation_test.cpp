@@ -26,6 +26,7 @@
 #include "tests/support/alloc_guard.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/elastic/block_mesh.h"
 
 namespace palpate::physics::ablation {
 namespace {
@@ -98,20 +99,6 @@ TEST(Support, ElementsJoinedAlongAnEdgeAreHinged) {
 
 // --- bodies --------------------------------------------------------------------------------------
 
-/// 100 × 100 × 50 mm, its top at z = 0.
-TetrahedralMesh block_of(int cells, int cells_deep, double first_m) {
-  const elastic::Mesh block = elastic::block_mesh(cells, cells_deep, first_m);
-  TetrahedralMesh mesh;
-  for (const Vector3& node_m : block.nodes_m) {
-    mesh.nodes_m.emplace_back(node_m - Vector3(0.05, 0.05, 0.05));
-  }
-  for (std::size_t e = 0; e < block.element_count(); ++e) {
-    const auto corners = block.element(e);
-    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-  }
-  return mesh;
-}
-
 /// Those of its elements, without nodes that none of them has.
 TetrahedralMesh part_of(const TetrahedralMesh& whole, const std::vector<std::uint32_t>& elements) {
   TetrahedralMesh part;
@@ -178,6 +165,8 @@ class Ablated : public testing::Test {
   static const AblatedBody& present(const ElasticTissues& elastic) {
     return elastic.tissues()[0]->ablation().present();
   }
+
+  void expect_what_is_left_is_a_new_body();
 
   TempFolder folder_;
   TetrahedralMesh mesh_ = block_of(5, 4, 5e-3);
@@ -278,7 +267,7 @@ void expect_the_force_of_a_new_body(const std::shared_ptr<ElasticTissues>& elast
 }
 
 // With a softest ratio of 1 what is left has the stiffness of before.
-TEST_F(Ablated, WhatIsLeftIsTheBodyThatIsBuiltFromScratch) {
+void Ablated::expect_what_is_left_is_a_new_body() {
   scene_.electrode->softest_ratio = 1.0;
   const auto elastic = tissues();
   const double time_s = ablate(*elastic);
@@ -288,15 +277,11 @@ TEST_F(Ablated, WhatIsLeftIsTheBodyThatIsBuiltFromScratch) {
   expect_the_force_of_a_new_body(elastic, scratch, time_s, 0.01);
 }
 
+TEST_F(Ablated, WhatIsLeftIsTheBodyThatIsBuiltFromScratch) { expect_what_is_left_is_a_new_body(); }
+
 TEST_F(AblatedQuadratic, WhatIsLeftIsTheBodyThatIsBuiltFromScratch) {
   if (test::kIsSanitized) GTEST_SKIP() << "minutes";
-  scene_.electrode->softest_ratio = 1.0;
-  const auto elastic = tissues();
-  const double time_s = ablate(*elastic);
-  ASSERT_GT(counters(*elastic).elastic_elements_removed, 5U);
-  const auto scratch =
-      ElasticTissues::of(scene_with(present(*elastic).elements), 1, ElasticPace::kVirtual);
-  expect_the_force_of_a_new_body(elastic, scratch, time_s, 0.01);
+  expect_what_is_left_is_a_new_body();
 }
 
 TEST_F(Ablated, UnderGravityItSagsAsTheBodyThatIsBuiltFromScratch) {

@@ -19,6 +19,7 @@
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
 #include "tests/support/machine/places.h"
+#include "tests/unit/elastic/block_mesh.h"
 
 namespace palpate::physics {
 namespace {
@@ -28,16 +29,7 @@ constexpr double kPatchTick_s = 1e-3;
 
 /// 100 × 100 × 50 mm, its top at z = 0, of 540 linear tetrahedra.
 SceneConfig block_scene(const std::string& file) {
-  const elastic::Mesh block = elastic::block_mesh(3, 3, 9e-3);
-  TetrahedralMesh mesh;
-  for (const Vector3& node_m : block.nodes_m) {
-    mesh.nodes_m.emplace_back(node_m - Vector3(0.05, 0.05, 0.05));
-  }
-  for (std::size_t e = 0; e < block.element_count(); ++e) {
-    const auto corners = block.element(e);
-    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-  }
-  std::ofstream(file) << msh_text(mesh);
+  std::ofstream(file) << msh_text(block_of(3, 3, 9e-3));
   ElasticMaterial material;
   material.young_pa = 15e3;
   material.is_linear = true;

@@ -22,6 +22,7 @@
 #include "tests/support/machine/machine.h"
 #include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/elastic/block_mesh.h"
 
 namespace palpate::physics {
 namespace {
@@ -32,18 +33,9 @@ constexpr double kTick_s = 1e-3;
 
 /// 100 × 100 × 50 mm, its top at z = 0, of 540 linear tetrahedra.
 std::string elastic_block_file() {
-  const elastic::Mesh block = elastic::block_mesh(3, 3, 9e-3);
-  TetrahedralMesh mesh;
-  for (const Vector3& node_m : block.nodes_m) {
-    mesh.nodes_m.emplace_back(node_m - Vector3(0.05, 0.05, 0.05));
-  }
-  for (std::size_t e = 0; e < block.element_count(); ++e) {
-    const auto corners = block.element(e);
-    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-  }
   std::string file = testing::TempDir() + "elastic_block_" +
                      testing::UnitTest::GetInstance()->current_test_info()->name() + ".msh";
-  std::ofstream(file) << msh_text(mesh);
+  std::ofstream(file) << msh_text(block_of(3, 3, 9e-3));
   return file;
 }
 
