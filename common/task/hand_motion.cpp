@@ -68,7 +68,7 @@ void HandMotion::take(const std::optional<Mean>& mean) {
 }
 
 double HandMotion::log_dimensionless_jerk() const {
-  if (jerks_ == 0 || !(peak_m_per_s_ > 0.0) || !(jerk2_s_ > 0.0)) {
+  if (jerks_ == 0 || path_m_ < kLeastPath_m || !(peak_m_per_s_ > 0.0) || !(jerk2_s_ > 0.0)) {
     return std::numeric_limits<double>::quiet_NaN();
   }
   const double time_s = end_s_ - *begin_s_;

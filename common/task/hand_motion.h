@@ -21,6 +21,7 @@ class HandMotion {
   static constexpr double kSlot_s = 0.05;
   static constexpr double kPathSlot_s = 0.01;
   static constexpr double kString_m = 5e-5;
+  static constexpr double kLeastPath_m = 1e-3;
 
   /// @param t_s  not before that of the last call
   void add(double t_s, const Vector3& position_m);
@@ -29,7 +30,8 @@ class HandMotion {
 
   [[nodiscard]] double path_m() const { return path_m_; }
   /// Log dimensionless jerk, −ln(T³/v_peak² ∫|d³x/dt³|² dt), after [Balasubramanian15], of the
-  /// vector: larger, nearer to 0, is smoother. NaN without a motion or with less than 4 slots.
+  /// vector: larger, nearer to 0, is smoother. NaN if the path is shorter than 1 mm (the steps of
+  /// an encoder under a hand at rest are no motion) or with less than 4 slots.
   [[nodiscard]] double log_dimensionless_jerk() const;
 
  private:

@@ -80,7 +80,12 @@ nlohmann::ordered_json marks_json(const TaskScore& score) {
   return marks;
 }
 
-constexpr double kSaid = 1e-4;  // a smaller share of missing telemetry is 0.0 %
+constexpr double kSaid = 1e-4;  // a smaller share of missing telemetry is not worth a sentence
+
+/// With one digit after the point, of small values two that count: nothing known becomes 0.0.
+std::string short_number(double value) {
+  return value < 0.1 ? fmt::format("{:.2g}", value) : fmt::format("{:.1f}", value);
+}
 
 }  // namespace
 
@@ -141,8 +146,8 @@ std::vector<std::string> findings_of(const TaskScore& score) {
   }
   if (score.missing_ratio() > kSaid || score.device_restarts > 0) {
     findings.push_back(
-        fmt::format("{:.1f} % of the measurements are missing{}: the score covers the rest.",
-                    100.0 * score.missing_ratio(),
+        fmt::format("{} % of the measurements are missing{}: the score covers the rest.",
+                    short_number(100.0 * score.missing_ratio()),
                     score.device_restarts > 0 ? ", and the device was started again" : ""));
   }
   if (const std::size_t unseen = score.count(MarkScore::Outcome::kNotSeen); unseen > 0) {
@@ -225,11 +230,11 @@ std::vector<std::pair<std::string, std::string>> figures_of(const TaskScore& sco
     add("found",
         fmt::format("{} of {}", score.count(TargetScore::Outcome::kFound), score.targets.size()));
     add("false alarms", std::to_string(score.count(MarkScore::Outcome::kFalseAlarm)));
-    add("coverage", std::isfinite(score.coverage_ratio)
-                        ? fmt::format("{:.1f} % of {:.1f} cm² with {:.2f} N or more",
-                                      100.0 * score.coverage_ratio, 1e4 * score.area_m2,
-                                      score.least_force_newton)
-                        : "not known");
+    add("coverage",
+        std::isfinite(score.coverage_ratio)
+            ? fmt::format("{:.1f} % of {} cm² with {:.2f} N or more", 100.0 * score.coverage_ratio,
+                          short_number(1e4 * score.area_m2), score.least_force_newton)
+            : "not known");
   }
   if (score.needle && score.is_judged()) {
     for (auto& [label, value] : figures_of(*score.needle)) add(label, std::move(value));

@@ -34,10 +34,15 @@ struct ConditionFigures {
   std::size_t trials = 0;
   std::size_t participants = 0;
   std::vector<double> log_thresholds{};
+  bool has_short_staircase = false;  ///< one has ended with too few reversals for a threshold
 };
 
-std::string threshold_text(const std::vector<double>& logs) {
-  if (logs.empty()) return "not known yet";
+std::string threshold_text(const ConditionFigures& figures) {
+  const std::vector<double>& logs = figures.log_thresholds;
+  if (logs.empty()) {
+    return figures.has_short_staircase ? "not known: too few reversals within most_trials"
+                                       : "not known yet";
+  }
   double mean = 0.0;
   for (const double one : logs) mean += one / static_cast<double>(logs.size());
   const std::string middle = fmt::format("{:.1f} %", 100.0 * std::exp(mean));
@@ -84,8 +89,13 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
     for (std::size_t i = 0; i < series.staircases().size(); ++i) {
       const Staircase& staircase = series.staircases()[i];
       const double threshold = staircase.threshold_ratio();
-      if (!staircase.is_done() || !std::isfinite(threshold)) continue;
-      figures[series.order()[i]].log_thresholds.push_back(std::log(threshold));
+      if (!staircase.is_done()) continue;
+      ConditionFigures& condition = figures[series.order()[i]];
+      if (std::isfinite(threshold)) {
+        condition.log_thresholds.push_back(std::log(threshold));
+      } else {
+        condition.has_short_staircase = true;
+      }
     }
   }
   std::string text = fmt::format("{}: {} {}participants\n", plan.name, participants.size(),
@@ -102,7 +112,7 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
     const ConditionFigures& one = figures[i];
     text += fmt::format("  {:<24} {} trials of {} participants",
                         is_open ? plan.conditions[i].name : codes[i], one.trials, one.participants);
-    if (plan.staircase) text += "; threshold " + threshold_text(one.log_thresholds);
+    if (plan.staircase) text += "; threshold " + threshold_text(one);
     text += '\n';
   }
   return text;

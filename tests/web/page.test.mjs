@@ -314,8 +314,13 @@ page_test("the keyboard leads the hand too: T, arrows, Escape", {}, async (page)
   await rest_tool_at(page, 0.02);
   await page.locator("#canvas").focus();
   await page.keyboard.press("t");
-  for (let i = 0; i < 8; ++i) await page.keyboard.press("ArrowDown");
-  await until(page, (t) => t.hand.is_held && t.target_m.z < 0.016, "a target 8 mm lower in the picture");
+  await page.keyboard.press("ArrowDown");
+  await until(page, (t) => t.hand.is_held, "the hand");
+  const first = (await status(page)).target_m;
+  for (let i = 0; i < 7; ++i) await page.keyboard.press("ArrowDown");
+  const lower = await until(page, (t) => t.target_m.z < first.z - 0.0065, "a target 7 mm lower");
+  const { x, y, z } = lower.target_m;
+  assert.ok(Math.hypot(x - first.x, y - first.y) < 1e-6 && z > first.z - 0.0075, `straight down, ${JSON.stringify([first, lower.target_m])}`);
   await until(page, () => server.world.targets.length > 0, "a target at the server");
 
   await page.keyboard.press("Escape");

@@ -75,6 +75,7 @@ std::string suggestion(const pb::Descriptor& message, std::string_view name,
   }
   if (!inside.empty()) return "did you mean " + inside + "?";
   const std::string meant = nearest(name, fields);
+  if (all.empty()) return "it has none";
   return meant.empty() ? "it has " + all : "did you mean '" + before + meant + "'?";
 }
 

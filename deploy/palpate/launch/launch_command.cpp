@@ -431,7 +431,11 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
     if (!is_blind) std::fputs(launch_text(loaded, observer.devices(), result).c_str(), stdout);
     if (observer.task() != nullptr) std::fputs(score_text(*observer.task()).c_str(), stdout);
     for (const std::string& file : flights) {
-      std::printf("flight recording: %s\n", file.c_str());
+      if (is_blind) {
+        say("flight recording: " + file);
+      } else {
+        std::printf("flight recording: %s\n", file.c_str());
+      }
     }
   }
   auto all = launch_json(loaded, observer.devices(), result);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdint>
@@ -83,7 +84,15 @@ struct StationsCommand {
 
   [[nodiscard]] int run(const Verbosity& verbosity) const {
     std::vector<Station> stations;
-    for (const std::string& text : texts) stations.push_back(station_of(text));
+    for (const std::string& text : texts) {
+      stations.push_back(station_of(text));
+      const std::string& name = stations.back().name;
+      if (std::count_if(stations.begin(), stations.end(),
+                        [&](const Station& station) { return station.name == name; }) > 1) {
+        throw SetupError("station " + one_line(name) +
+                         ": is given twice; give each a name of its own, NAME=http://…");
+      }
+    }
     check_outputs({{"--csv", csv_file}}, {}, may_overwrite);
     if (web_port && !StationsPage::is_built()) {
       throw SetupError("--web-port: this build has no page; build it with npm (PALPATE_WEB=ON)");

@@ -171,7 +171,9 @@ struct StudyCommand {
   [[nodiscard]] std::optional<Answer> do_trial(const Plan& plan, const Folder& folder,
                                                const Trial& trial,
                                                const Verbosity& verbosity) const {
-    const std::string recording = (folder.begin(trial) / "run.mcap").string();
+    const std::filesystem::path place = folder.begin(trial);
+    const std::string recording = (place / "run.mcap").string();
+    const std::string messages = (place / "messages.txt").string();
     const std::vector<std::string> overrides = trial.overrides(plan);
     if (is_loopback) {
       if (!run_in_lockstep(plan, trial, overrides, recording)) return std::nullopt;
@@ -179,7 +181,11 @@ struct StudyCommand {
                               .overrides = overrides,
                               .seconds = plan.seconds,
                               .recording = recording,
+                              .messages = messages,
                               .is_quiet = verbosity.is_quiet})) {
+      if (!StopSignal::is_requested()) {
+        say("the trial failed; what it said, which can tell the condition, is in " + messages);
+      }
       return std::nullopt;
     }
     RecordingFile file(recording);

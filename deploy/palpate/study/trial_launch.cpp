@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/palpate/study/trial_launch.h"
 
+#include <fcntl.h>
 #include <spdlog/fmt/fmt.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -36,17 +37,25 @@ bool launch_trial(const TrialLaunch& trial) {
   arguments.reserve(words.size() + 1);
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
+  const int messages = open(trial.messages.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (messages < 0) {
+    throw std::runtime_error(trial.messages + ": " + std::generic_category().message(errno));
+  }
   const pid_t child = fork();
   if (child < 0) {
+    const int error = errno;
+    close(messages);
     throw std::runtime_error("palpate launch cannot be started: " +
-                             std::generic_category().message(errno));
+                             std::generic_category().message(error));
   }
   if (child == 0) {
     // a study that is killed leaves no trial behind
     prctl(PR_SET_PDEATHSIG, SIGTERM);
+    dup2(messages, STDERR_FILENO);
     execv("/proc/self/exe", arguments.data());
     _exit(kExitFailure);
   }
+  close(messages);
   const SteadyClock clock;
   std::optional<TimePoint> stopped_at;
   bool is_passed_on = false;

@@ -13,12 +13,14 @@ struct TrialLaunch {
   std::vector<std::string> overrides{};
   std::optional<double> seconds{};
   std::string recording;
+  /// File of what the processes say: warnings would tell the condition.
+  std::string messages;
   bool is_quiet = false;
 };
 
-/// Runs it as a process of its own, with this terminal, and waits for its end. False: it failed or
-/// was stopped by a signal to this process or by Ctrl-C. Throws std::runtime_error if it cannot be
-/// started.
+/// Runs it as a process of its own, with this terminal but for its messages, and waits for its end.
+/// False: it failed or was stopped by a signal to this process or by Ctrl-C. Throws
+/// std::runtime_error if it cannot be started or its messages cannot be written.
 [[nodiscard]] bool launch_trial(const TrialLaunch& trial);
 
 }  // namespace palpate

@@ -196,6 +196,10 @@ TEST(Stations, AnAddressThatIsNoneIsRefused) {
     EXPECT_EQ(outcome.status, 2) << address;
     EXPECT_THAT(outcome.err, HasSubstr("give the address of its page")) << address;
   }
+  const Outcome twice =
+      run_program("palpate", {"stations", "--once", "ben=http://a:1/", "ben=http://b:1/"});
+  EXPECT_EQ(twice.status, 2);
+  EXPECT_THAT(twice.err, HasSubstr("station ben: is given twice; give each a name of its own"));
 }
 
 }  // namespace

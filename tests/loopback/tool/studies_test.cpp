@@ -95,6 +95,13 @@ TEST_F(Studies, AStaircaseFindsTheThresholdOfParticipantsWhoseSensesAreKnown) {
   EXPECT_GT(std::stod(found[3]), 100.0 * expected) << report.out;
 }
 
+TEST_F(Studies, AStaircaseThatEndsByItsTrialsHasNoThreshold) {
+  const std::string file = staircase_plan("14 most_trials: 4");
+  ASSERT_EQ(palpate(trials(file, "s", "1")).status, 0);
+  const Outcome report = palpate({"study", "report", file, "--folder", path("s"), "--simulated"});
+  EXPECT_THAT(report.out, HasSubstr("threshold not known: too few reversals within most_trials"));
+}
+
 TEST_F(Studies, AKillCostsTheTrialThatRunsAndNothingElse) {
   const std::string file = staircase_plan("6");
   const Outcome whole = palpate(trials(file, "whole", "1"));
@@ -143,11 +150,19 @@ TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
     scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
     task { free {} time_s: 1 }
   )");
-  const std::string file = plan("session: \"hold.txtpb\" condition { name: \"one\" } repeats: 2");
+  // nothing ever arrives: what the nodes say of it would tell the condition
+  const std::string file = plan(
+      "session: \"hold.txtpb\" condition { name: \"one\" set: \"faults.interaction.loss_ratio=1\" "
+      "} "
+      "repeats: 2");
   const Outcome first =
       palpate({"study", file, "--folder", path("r"), "--participant", "7", "--trials", "1"});
   EXPECT_EQ(first.status, 0) << first.err;
-  EXPECT_THAT(first.err, HasSubstr("participant 7 goes on with trial 2"));
+  EXPECT_EQ(
+      first.err,
+      "palpate: participant 7, trial 1\npalpate: participant 7 goes on with trial 2: the same "
+      "command\n");
+  EXPECT_THAT(text_of(path("r/P007/trial_001/messages.txt")), HasSubstr("physics"));
   const std::string csv =
       palpate({"study", "report", file, "--folder", path("r"), "--csv", "-"}).out;
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 2);

@@ -147,6 +147,7 @@ TEST(KnownAnswers, ThePathOfTapsIsTheirStroke) {
     return Tip{.at_m = {0.0, 0.0, 0.05 + (random.below(2) == 0 ? kStep_m : 0.0)}};
   });
   EXPECT_LT(resting.path_m, 1e-4);
+  EXPECT_TRUE(std::isnan(resting.smoothness)) << "the steps of an encoder are no motion";
 }
 
 // x = A sin ωt: v_peak = Aω, ∫|x'''|² = A²ω⁶T/2 over whole periods, so −ln((ωT)⁴/2).

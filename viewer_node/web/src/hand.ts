@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // hand.ts: touch with the pointer. Dragging the tool moves the target of a simulated hand in the
-// plane of the picture; the wheel, Shift or a second finger moves it in depth. The right mouse button,
+// plane of the picture; the wheel, Shift or a second finger moves it in depth. Arrow keys move it sideways
+// and straight up and down, whatever the view, Page Up and Down away and back. The right mouse button,
 // or G in turn, presses button 0 of its device, with which a gripper closes. The only
 // message from the page to the nodes; the server and the hand limit it again.
 import type { SceneView } from "./scene/scene_view";
@@ -154,9 +155,8 @@ export class HandControl {
       this.begin();
     }
     this.key_s = seconds();
-    const [right_m, down_m, away_m] = steps[key];
-    const scale = this.view.metres_per_pixel(this.target);
-    this.move(right_m / scale, down_m / scale, away_m);
+    this.view.moved_level(this.target, ...steps[key], this.target);
+    this.show_moved();
     return true;
   }
 
@@ -245,6 +245,10 @@ export class HandControl {
 
   private move(right_px: number, down_px: number, away_m: number): void {
     this.view.moved(this.target, right_px, down_px, away_m, this.target);
+    this.show_moved();
+  }
+
+  private show_moved(): void {
     this.keep_within_reach();
     this.view.set_target(this.target);
     this.is_moved = true;

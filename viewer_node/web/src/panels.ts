@@ -145,16 +145,22 @@ export function write_state(telemetry: Telemetry, is_connected: boolean, has_end
   write(by_id("force-requested"), requested ? norm(requested).toFixed(2) : "–");
 }
 
+const kViewKeys = "Arrow keys rotate it, plus and minus zoom, Home shows everything."; // as in index.html
+const kHandKeys = "Arrow keys move it up, down and sideways, Page Up and Down away and back, Escape lets go.";
+
 export function write_hand({ is_allowed, is_mine, is_others, is_held }: HandStatus, is_touching: boolean): void {
   const panel = by_id("touch");
   panel.hidden = !is_allowed;
+  const keys = is_allowed && is_touching ? kHandKeys : kViewKeys;
+  const canvas = by_id("canvas");
+  if (!canvas.getAttribute("aria-label")!.endsWith(keys)) canvas.setAttribute("aria-label", `Three-dimensional view. ${keys}`);
   if (!is_allowed) return;
   panel.classList.toggle("is-mine", is_mine);
   write(by_id("touch-words"),
     is_others ? "Another page holds the hand."
       : is_held ? "You hold the hand. Wheel or Shift: deeper."
         : is_mine ? "You hold the hand."
-          : is_touching ? "Drag anywhere to move the hand, or use the arrow keys."
+          : is_touching ? `Drag anywhere to move the hand. ${kHandKeys}`
             : "Drag the tool to touch the tissue.");
   by_id("touch-toggle").setAttribute("aria-pressed", String(is_touching));
 }

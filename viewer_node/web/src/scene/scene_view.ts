@@ -398,6 +398,16 @@ export class SceneView {
     out.z = from.z + scale * (e[2] * right_px - e[6] * down_px) - e[10] * away_m;
   }
 
+  /** A point moved to the right as seen, straight down, and away from the viewer on the level, in metres. */
+  moved_level(from: Vector3, right_m: number, down_m: number, away_m: number, out: Vector3): void {
+    const e = this.camera.matrixWorld.elements; // the picture's horizontal is level
+    const level = Math.hypot(e[0], e[1]);
+    const [x, y] = [e[0] / level, e[1] / level];
+    out.x = from.x + x * right_m - y * away_m;
+    out.y = from.y + y * right_m + x * away_m;
+    out.z = from.z - down_m;
+  }
+
   /** Radius of the drawn tip in CSS pixels. */
   get tool_radius_px(): number {
     const { ball } = this.shown_tool;
