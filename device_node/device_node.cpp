@@ -36,6 +36,13 @@ FaultReason reason_of(DeviceError error, FaultReason otherwise) {
   return otherwise;
 }
 
+/// The answer may begin to act until then.
+TimePoint due_of(const ForceCommand& answer, TimePoint read_at, TimePoint deadline) {
+  return answer.begins_within > Duration::zero()
+             ? std::min(deadline, read_at + answer.begins_within)
+             : deadline;
+}
+
 }  // namespace
 
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
@@ -184,10 +191,13 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
     answer = wait_for_answer(record.sequence, deadline);
   }
   const TimePoint now = clock_.now();
+  const TimePoint due =
+      answer != nullptr ? due_of(answer->value, sample.sampled_at, deadline) : deadline;
   // a slow device counts as silence
   record.is_answered =
-      answer != nullptr && now <= deadline && slow_switches_ < kSlowSwitches && has_consent;
+      answer != nullptr && now <= due && slow_switches_ < kSlowSwitches && has_consent;
   if (record.is_answered) {
+    monitor_.begins_within(due - sample.sampled_at);
     record.reply_time = answer->received_at - sent_at;
     if (!monitor_.is_ledger_plausible(answer->value.counted_energy_joule))
       ++counters_.ledger_excesses;
@@ -201,7 +211,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   record.force_on_hand_newton = guarded.force_on_hand_newton;
   record.guard = guarded.state;
   record.is_peak_limited = guarded.is_limited;
-  return guarded.is_switch ? switch_to(guarded, deadline, record) : FaultReason::kNone;
+  return guarded.is_switch ? switch_to(guarded, due, record) : FaultReason::kNone;
 }
 
 FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadline,

@@ -38,8 +38,9 @@ enum class JournalKind : std::uint8_t {
   kBegin = 10,    ///< FrozenWatch::begin()
   kFault = 11,    ///< a fault was latched
   kLedger = 12,   ///< what a clamp counts on came with its answer
+  kWithin = 13,   ///< ForceMonitor::begins_within()
 };
-inline constexpr int kJournalKinds = 13;
+inline constexpr int kJournalKinds = 14;
 
 /// One call, its arguments and what it decided. Fields that a kind does not use are zero.
 struct JournalEntry {
@@ -48,7 +49,7 @@ struct JournalEntry {
   TimePoint at{};
   Vector3 position_m = Vector3::Zero();    ///< D
   Vector3 force_newton = Vector3::Zero();  ///< D
-  Duration lease{};                        ///< or late, or slept
+  Duration lease{};                        ///< or late, slept, within
   ReadingDetails details{};
   bool is_good = true;        ///< kJudge, kFrozen, kLedger: plausible; kCover: not reduced
   double ledger_joule = 0.0;  ///< kLedger
@@ -198,6 +199,10 @@ class JournaledMonitor {
   void lost() noexcept {
     monitor_.lost();
     note({.kind = JournalKind::kLost});
+  }
+  void begins_within(Duration within) noexcept {
+    monitor_.begins_within(within);
+    note({.kind = JournalKind::kWithin, .lease = within});
   }
   [[nodiscard]] ForceMonitor::Covered cover(const Vector3& force_on_hand_newton,
                                             Duration lease) noexcept {

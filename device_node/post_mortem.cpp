@@ -105,6 +105,9 @@ bool repeat(JournalState& state, const JournalEntry& entry, bool& is_good) {
       }
       break;
     }
+    case JournalKind::kWithin:
+      monitor.begins_within(entry.lease);
+      break;
     case JournalKind::kSwitched:
       monitor.switched(entry.at, entry.position_m, entry.force_newton, entry.lease, entry.details);
       break;

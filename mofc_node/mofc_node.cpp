@@ -135,6 +135,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   count(*turn_, echo, physics, output, faded.phase);
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
   ForceCommand command = make_command(state, faded.force_newton, lease, now);
+  command.begins_within = from_seconds(output.begins_within_s);
   command.counted_energy_joule = output.counted_energy_joule;
   return command;
 }

@@ -77,6 +77,8 @@ struct ForceCommand {
 
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, after controller and fade
   Duration valid_for{};  ///< the lease: the longest time for which this force may be applied
+  /// The force begins to act by then after the reading, or not at all; 0: by the device's deadline.
+  Duration begins_within{};
   /// What the clamp counts of the energy that the hand has put in, before it regards
   /// monitor_energy_joule; NaN: it keeps no lower bound of it.
   double counted_energy_joule = std::numeric_limits<double>::quiet_NaN();

@@ -15,6 +15,8 @@ struct ClampedDevice {
   WorkspaceConfig workspace{};
   Duration lease{};                ///< T_hold: every command may act that long
   Duration longest_lease{};        ///< and none longer
+  Duration reply{};                ///< δ_max: an answer begins to act by then after the reading
+  Duration prompt{};               ///< δ_p: answers within it have the first claim to the credit
   double rate_hz = 1000.0;         ///< of its tick
   double peak_force_newton = 3.3;  ///< of this session
 };

@@ -20,7 +20,8 @@ struct MonitorConfig {
 
 struct DeviceConfig {
   double rate_hz = 1000.0;
-  Duration reply{};                ///< deadline for the answer, after the reading
+  Duration reply{};                ///< δ_max: latest deadline for the answer, after the reading
+  Duration prompt{};               ///< δ_p: answers within it have the first claim to the credit
   Duration lease{};                ///< T_hold: every command may act that long; ≤ 3 periods
   Duration longest_lease{};        ///< and no command longer than that, whatever the credit
   Duration limp_after{};           ///< silence before the fallback force fades

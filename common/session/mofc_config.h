@@ -87,7 +87,6 @@ struct MofcConfig {
   bool accepts_rival = false;   ///< on a real device too
   Duration
       wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of the same tick
-  Duration delta_max{};    ///< longest time from reading to switch; not in mode paper
   InteractionUse interaction = InteractionUse::kLocal;
   double handover_newton_per_s =
       100.0;               ///< fastest change of force caused by a new contact model alone

@@ -62,6 +62,8 @@ ClampedDevice clamped_device(const DeviceConfig& device) {
           .workspace = device.workspace,
           .lease = device.lease,
           .longest_lease = device.longest_lease,
+          .reply = device.reply,
+          .prompt = device.prompt,
           .rate_hz = device.rate_hz,
           .peak_force_newton = device.peak_force_newton};
 }

@@ -75,8 +75,18 @@ void ForceMonitor::read(TimePoint at, const Vector3& position_m,
   covered_watt_ = kUncovered;
   // less all that the acting force can draw until it is replaced
   credit_joule_ = joule();
-  const double rest_s = to_seconds(std::min(reply_, first_end_ - at)) + skew_s_;
+  reserved_newton_ = acting_newton_;
+  reserved_ = std::min(reply_, first_end_ - at);
+  const double rest_s = to_seconds(reserved_) + skew_s_;
   if (rest_s > 0.0) credit_joule_ -= most_joule(acting_newton_, rest_s);
+}
+
+void ForceMonitor::begins_within(Duration within) noexcept {
+  if (within >= reserved_) return;
+  const double rest_s = to_seconds(within) + skew_s_;
+  credit_joule_ += most_joule(reserved_newton_, to_seconds(reserved_) + skew_s_);
+  if (rest_s > 0.0) credit_joule_ -= most_joule(reserved_newton_, rest_s);
+  reserved_ = within;
 }
 
 void ForceMonitor::ended(const Vector3& position_m) noexcept {

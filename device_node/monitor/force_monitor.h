@@ -83,13 +83,13 @@ struct ReadingDetails {
 ///
 ///   (τ + s) D(F) + (min(δ, r) + s) D(F_acting) ≤ M     at the reading of its tick
 ///
-/// δ is the deadline of the answer, r the rest of the lease of the force that acts, s the skew of
-/// reading and switch. Otherwise the lease becomes shorter, not below T_hold, and if that is not
-/// enough the force smaller, direction kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5,
-/// while no force outlives its lease; a force that did is booked for as long as it can have acted.
-/// Lemmas: hold_and_delay, residual_lease, release_between, skew. Up to 1 nJ and the drain of 1 ns,
-/// in which leases are counted, pass as rounding: once, since M falls below 0 by what it cost.
-/// Lemma: rounding.
+/// δ is the deadline that the answer names, or that of the device, r the rest of the lease of the
+/// force that acts, s the skew of reading and switch. Otherwise the lease becomes shorter, not
+/// below T_hold, and if that is not enough the force smaller, direction kept. So E(t) ≥ 0 whatever
+/// commands arrive, as in §2.5, while no force outlives its lease; a force that did is booked for
+/// as long as it can have acted. Lemmas: hold_and_delay, residual_lease, release_between, skew. Up
+/// to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding: once, since M
+/// falls below 0 by what it cost. Lemma: rounding.
 ///
 /// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F)
 /// and what its currents did more as the arm turned, so M falls by no more, whatever the readings'
@@ -129,6 +129,9 @@ class ForceMonitor {
   /// a debt stays, with what the commands since the last read() can have drawn beyond M.
   void lost() noexcept;
 
+  /// The command that cover() gets next has begun to act by then after the reading of its tick, or
+  /// never will; the other forces of this tick draw nothing.
+  void begins_within(Duration within) noexcept;
   struct Covered {
     Vector3 force_on_hand_newton = Vector3::Zero();
     Duration lease{};
@@ -181,6 +184,8 @@ class ForceMonitor {
     archive(skew_s_);
     archive(covered_watt_);
     archive(credit_joule_);
+    archive(reserved_newton_);
+    archive(reserved_);
     archive(failed_newton_);
   }
 
@@ -228,15 +233,17 @@ class ForceMonitor {
   MotorEnds ends_;
 
   bool is_lost_ = true;
-  TimePoint since_{};                        ///< of the last reading
-  Vector3 acting_newton_ = Vector3::Zero();  ///< since then,
-  TimePoint first_end_{};                    ///< until then at least
-  TimePoint last_end_{};                     ///< and then at most
-  TimePoint acted_until_{};                  ///< the last force, by the commands
-  double skew_s_ = 0.0;                      ///< of the last reading
-  double covered_watt_ = kUncovered;         ///< D of what cover() let pass last in this tick
-  double credit_joule_ = 0.0;                ///< left in this tick; below 0 a debt
-  std::optional<Vector3> failed_newton_;     ///< may act
+  TimePoint since_{};                          ///< of the last reading
+  Vector3 acting_newton_ = Vector3::Zero();    ///< since then,
+  TimePoint first_end_{};                      ///< until then at least
+  TimePoint last_end_{};                       ///< and then at most
+  TimePoint acted_until_{};                    ///< the last force, by the commands
+  double skew_s_ = 0.0;                        ///< of the last reading
+  double covered_watt_ = kUncovered;           ///< D of what cover() let pass last in this tick
+  double credit_joule_ = 0.0;                  ///< left in this tick; below 0 a debt
+  Vector3 reserved_newton_ = Vector3::Zero();  ///< of it is reserved what this draws,
+  Duration reserved_{};                        ///< acting for so long after the last read()
+  std::optional<Vector3> failed_newton_;       ///< may act
 };
 
 }  // namespace palpate::device

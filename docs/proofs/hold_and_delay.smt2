@@ -5,7 +5,7 @@
 (declare-const E Real)
 (declare-const Th Real)
 (declare-const Tl Real)      ; longest lease
-(declare-const delta Real)   ; min(delta_max, rest of the acting lease)
+(declare-const delta Real)   ; min(begins_within, rest of the acting lease)
 (declare-const Da Real)
 (declare-const D Real)
 (declare-const valid Real)

@@ -1,4 +1,4 @@
-; late_switch: theory §2.5. An answer that begins after delta_max and is withdrawn t later, before
+; late_switch: theory §2.5. An answer that begins after its deadline and is withdrawn t later, before
 ; which everything was covered, leaves E at least -t D; its debt ends all credit, since E' is booked
 ; with the same loss.
 (set-logic QF_NRA)

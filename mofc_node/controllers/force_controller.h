@@ -87,6 +87,9 @@ struct ControlOutput {
   double counted_energy_joule = std::numeric_limits<double>::quiet_NaN();
   /// Longest time for which F may act; 0: the controller leaves it to the caller.
   double lease_s = 0.0;
+  /// Longest time from the reading until F begins to act; 0: the controller leaves it to the
+  /// caller.
+  double begins_within_s = 0.0;
   bool is_clamped = false;   ///< F differs from the requested F_e
   bool is_too_fast = false;  ///< the hand moved faster than the controller assumes
   Wave sent_wave{};          ///< wave variables: for the other end, in the hand's frame; else none

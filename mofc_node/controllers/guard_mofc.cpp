@@ -13,6 +13,7 @@ GuardMofc::GuardMofc(const GuardParameters& parameters)
              .per_axis = parameters.per_axis,
              .resolution_m = parameters.resolution_m,
              .delta_max_s = parameters.delta_max_s,
+             .prompt_s = parameters.prompt_s,
              .longest_lease_s = parameters.longest_lease_s,
              .v_max_m_per_s = parameters.v_max_m_per_s,
              .bridges_holes = true}),

@@ -16,6 +16,7 @@ struct GuardParameters {
   std::optional<AxisFriction> per_axis = {};  ///< the friction, instead of mofc.f_d and mofc.f_co
   double resolution_m = 0.0;                  ///< q ≥ 0, of the position, per axis
   double delta_max_s = 0.0;        ///< δ_max ≥ 0: longest time from the reading to the switch
+  double prompt_s = 0.0;           ///< δ_p: for answers within it first; 0: δ_max
   double longest_lease_s = 0.0;    ///< T_lease,max: no command acts longer; below T it counts as T
   double v_max_m_per_s = 0.5;      ///< > 0: fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap > 0: credit beyond what the environment stores

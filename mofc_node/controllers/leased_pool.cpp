@@ -93,9 +93,15 @@ std::size_t LeasedPool::book_unread(const ControlInput& input, std::size_t first
 ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const noexcept {
   // what the force that acts now can still drain before this answer replaces it
   const double energy = std::min(ledger_.energy_joule(), input.energy_limit_joule);
-  const double left_s = std::clamp(input.acting_lease_s, 0.0, p_.delta_max_s);
-  const double spent =
-      left_s > 0.0 ? left_s * clamp_.drain_watt(input.acting_force_on_hand_newton) : 0.0;
+  const double acting_s = std::max(0.0, input.acting_lease_s);
+  const double acting_watt =
+      acting_s > 0.0 ? clamp_.drain_watt(input.acting_force_on_hand_newton) : 0.0;
+  const auto spent_within = [&](double within_s) {
+    const double left_s = std::min(acting_s, within_s);
+    return left_s > 0.0 ? left_s * acting_watt : 0.0;
+  };
+  double delta_s = p_.prompt_s > 0.0 ? std::min(p_.prompt_s, p_.delta_max_s) : p_.delta_max_s;
+  double spent = spent_within(delta_s);
 
   // in holes that keep coming no force is worth more than one that lasts to their end
   const double longest_s = std::max(p_.mofc.T, p_.longest_lease_s);
@@ -107,9 +113,15 @@ ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const no
   output.ledger_energy_joule = energy;
   output.counted_energy_joule = ledger_.energy_joule();
 
-  // for as long as it is paid
+  // for as long as it is paid, and as late
   const double drain = clamp_.drain_watt(output.force_on_hand_newton);
+  const double spare = energy - spent - covered_s * drain;
+  if (acting_watt > 0.0 && spare > 0.0) delta_s += spare / acting_watt;
+  // beyond the rest of its lease the acting force costs no more
+  if (acting_watt == 0.0 || delta_s >= std::min(acting_s, p_.delta_max_s)) delta_s = p_.delta_max_s;
+  spent = spent_within(delta_s);
   const double paid_s = drain > 0.0 ? std::max(0.0, energy - spent) / drain : longest_s;
+  output.begins_within_s = delta_s;
   output.lease_s = paid_s > p_.mofc.T ? std::min(paid_s, longest_s) : p_.mofc.T;
   return output;
 }

@@ -20,6 +20,7 @@ struct LeasedPoolParameters {
   std::optional<AxisFriction> per_axis = {};  ///< the friction, instead of mofc.f_d and mofc.f_co
   double resolution_m = 0.0;                  ///< q ≥ 0, of the position, per axis
   double delta_max_s = 0.0;      ///< δ_max ≥ 0: longest time from the reading to the switch
+  double prompt_s = 0.0;         ///< δ_p: for answers within it first; 0: δ_max
   double longest_lease_s = 0.0;  ///< T_lease,max: no command acts longer; below T it counts as T
   double v_max_m_per_s = std::numeric_limits<double>::infinity();  ///< > 0, of the hand
   bool bridges_holes = false;  ///< while holes keep coming: only forces that last through them
@@ -44,11 +45,12 @@ class HoleLengths {
   double span_s_ = 0.0;          // of the present one
 };
 
-/// The ledger and the rule that keeps E(t) ≥ 0 (docs/theory.md §2.5). With δ the time for which the
-/// force that acts at t_k can still act before the answer replaces it, at most δ_max and at most
-/// the rest of its lease:
+/// The ledger and the rule that keeps E(t) ≥ 0 (docs/theory.md §2.5). With δ the longest time from
+/// the reading until the answer replaces the force that acts, or the rest of its lease if that is
+/// shorter:
 ///
-///     F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′
+///     F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′, at δ = δ_p
+///     δ          what E′ has left for it then, within δ_p … δ_max: F has begun to act by then
 ///     valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
 ///
 /// A force that ends unread in a hole costs all of its lease. So a pool that bridges holes takes,

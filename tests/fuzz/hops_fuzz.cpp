@@ -80,7 +80,6 @@ class Mofc {
 
   static MofcConfig config() {
     MofcConfig config;
-    config.delta_max = 500us;
     config.stale_after = 150ms;
     config.fade = 50ms;
     return config;
@@ -92,7 +91,10 @@ class Mofc {
   Inbox<Interaction> in_{interactions_, clock_};
   NoTicks<MofcTick> ticks_;
   mofc::MofcNode node_{
-      config(), {.lease = 2ms, .longest_lease = 10ms}, clock_, motions_, in_, ticks_, 77};
+      config(), {.lease = 2ms, .longest_lease = 10ms, .reply = 800us, .prompt = 500us},
+      clock_,   motions_,
+      in_,      ticks_,
+      77};
   std::uint64_t sequence_ = 0;
   std::uint64_t next_ = 0;
   DeviceStamp newest_;

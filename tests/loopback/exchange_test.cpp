@@ -262,10 +262,10 @@ TEST_F(Together, FaultsOfTheExchangeActAsBetweenProcesses) {
   const auto run = [&](const std::string& delay_ms, std::uint64_t least_answered) {
     ProcessLinks links({.priority = 0, .cpu = -1});
     Watcher watcher(load_session(press_), links);
-    Program launch("palpate", {"launch", press_, "--together", "device,mofc", "--no-viewer",
-                               "--set", "device.reply_us=2000", "--set", "mofc.delta_max_ms=2",
-                               "--set", "faults.device_state.delay_ms=" + delay_ms, "--json",
-                               json_file(), "--overwrite"});
+    Program launch("palpate",
+                   {"launch", press_, "--together", "device,mofc", "--no-viewer", "--set",
+                    "device.reply_us=2000", "--set", "faults.device_state.delay_ms=" + delay_ms,
+                    "--json", json_file(), "--overwrite"});
     const DeviceCounters& counters = watcher.mirror().device_counters();
     EXPECT_TRUE(watcher.until([&] {
       return counters.loop.ticks > 200 && counters.answered_ticks >= least_answered;

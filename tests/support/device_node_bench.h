@@ -77,6 +77,7 @@ class DeviceNodeBench {
                .answers_sampled_at = states.back().header.sampled_at,
                .force_on_hand_newton = force_newton,
                .valid_for = valid_for,
+               .begins_within = begins_within,
                .counted_energy_joule = ledger_joule};
     due_ = clock.now() + reply_delay;
     is_pending_ = true;
@@ -120,6 +121,8 @@ class DeviceNodeBench {
   Device device;
   std::function<void(const DeviceState&)> on_state;  ///< mofc
   Duration reply_delay{};
+  /// That each answer names; 0: none.
+  Duration begins_within{};
   /// That comes with each answer; NaN: none.
   double ledger_joule = std::numeric_limits<double>::quiet_NaN();
   Duration stall_in_wait{};  ///< > 0: the process is stopped for so long in its next wait

@@ -87,6 +87,7 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.answers_sampled_at = random_time(random);
   m.force_on_hand_newton = random_vector(random, 1000.0);
   m.valid_for = random_duration(random);
+  m.begins_within = random_duration(random);
   m.counted_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
 }
 
@@ -576,7 +577,7 @@ inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
          a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
-         same(a.counted_energy_joule, b.counted_energy_joule);
+         a.begins_within == b.begins_within && same(a.counted_energy_joule, b.counted_energy_joule);
 }
 inline bool same(const Wave& a, const Wave& b) {
   return a.stream == b.stream && same(a.sum, b.sum) && a.energy_joule == b.energy_joule &&

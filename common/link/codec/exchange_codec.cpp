@@ -117,6 +117,7 @@ struct WireFormat<ForceCommand> {
               *wire.mutable_answers());
     put(m.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
     wire.set_valid_for_ns(m.valid_for.count());
+    wire.set_begins_within_ns(m.begins_within.count());
     if (std::isfinite(m.counted_energy_joule)) {
       wire.set_counted_energy_joule(m.counted_energy_joule);
     } else {
@@ -129,6 +130,7 @@ struct WireFormat<ForceCommand> {
     verdict.vector(wire.has_force_on_hand_newton(), wire.force_on_hand_newton(),
                    kMaxForceOnHandNewton);
     verdict.expect(wire.valid_for_ns() >= 0 && wire.valid_for_ns() <= kMaxLeaseNs);
+    verdict.expect(wire.begins_within_ns() >= 0 && wire.begins_within_ns() <= kMaxLeaseNs);
     verdict.finite(wire.counted_energy_joule());
   }
 
@@ -138,6 +140,7 @@ struct WireFormat<ForceCommand> {
     m.answers_sampled_at = time(wire.answers().sampled_at_ns());
     m.force_on_hand_newton = vector(wire.force_on_hand_newton());
     m.valid_for = Duration(wire.valid_for_ns());
+    m.begins_within = Duration(wire.begins_within_ns());
     m.counted_energy_joule = wire.has_counted_energy_joule()
                                  ? wire.counted_energy_joule()
                                  : std::numeric_limits<double>::quiet_NaN();

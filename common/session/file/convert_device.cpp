@@ -18,6 +18,10 @@ constexpr double kLateTickUs = 1e3;
 /// force all the time, a late tick takes a smaller one now and then. Where credit pays for it, the
 /// lease is longer anyhow.
 constexpr double kSlowPeriodUs = 5e3;
+/// Of a period: answers within the first have the first claim to the credit, later ones, until the
+/// second, to what it has left. Beyond that the next tick would wait.
+constexpr double kPromptRatio = 0.5;
+constexpr double kReplyRatio = 0.8;
 /// From no force to the peak by default. Longer takes the edge off the contact with viscous tissue;
 /// shorter bounds little at 1 kHz.
 constexpr double kDefaultRiseS = 2e-3;
@@ -59,16 +63,20 @@ DeviceProfile to_profile(const Fields& fields, const std::optional<DeviceProfile
   return profile;
 }
 
+/// An answer that has waited for physics takes a tenth of a period more, or what the period leaves.
+double after_wait_us(double usual_us, double period_us, double wait_us) {
+  if (!(wait_us > 0.0)) return usual_us;
+  return std::max(usual_us, std::min(wait_us + 0.1 * period_us, 0.5 * (wait_us + period_us)));
+}
+
 double to_reply_us(const Fields& device, double period_us, double wait_us) {
-  double default_us = 0.5 * period_us;
-  if (wait_us > 0.0) {
-    default_us =
-        std::min(std::max(default_us, wait_us + 0.1 * period_us), 0.5 * (wait_us + period_us));
-  }
-  const double reply_us = device.number("reply_us", default_us);
+  // a command may act until 3 periods after its reading
+  const double left_us = 3.0 * period_us - device.number("lease_us", 2.0 * period_us);
+  const double usual_us = std::clamp(left_us, kPromptRatio * period_us, kReplyRatio * period_us);
+  const double reply_us = device.number("reply_us", after_wait_us(usual_us, period_us, wait_us));
   if (device.has("reply_us") && reply_us >= period_us) {
     device.problem("reply_us", "must be < 1 period of device.rate_hz, " + shown(period_us) +
-                                   " us; leave it out for half a period");
+                                   " us; leave it out for 0.8 periods");
   }
   if (device.has("reply_us") && wait_us >= reply_us) {
     device.problem("reply_us", "must be > mofc.wait_for_physics_ms, " + shown(wait_us) +
@@ -77,10 +85,12 @@ double to_reply_us(const Fields& device, double period_us, double wait_us) {
   return reply_us;
 }
 
-double to_lease_us(const Fields& device, double period_us, double reply_us) {
+/// @param least_reply_us  of an answer whose deadline the session leaves open
+double to_lease_us(const Fields& device, double period_us, double reply_us, double least_reply_us) {
   const double late_us = period_us < kSlowPeriodUs ? std::min(period_us, kLateTickUs) : 0.0;
   const double lease_us = device.number("lease_us", period_us + late_us);
-  const double longest_us = 3.0 * period_us - std::min(reply_us, period_us);
+  const double longest_us =
+      3.0 * period_us - std::min(device.has("reply_us") ? reply_us : least_reply_us, period_us);
   if (lease_us < (1.0 - kPeriodTolerance) * period_us ||
       lease_us > longest_us + kPeriodTolerance * period_us) {
     device.problem("lease_us", "must be 1 … 3 periods of device.rate_hz less device.reply_us, " +
@@ -141,7 +151,10 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
   const double period_ms = 1e3 / rate_hz;
   const double reply_us = to_reply_us(device, period_us, 1e3 * wait_for_physics_ms);
   config.reply = to_microseconds(reply_us);
-  const double lease_us = to_lease_us(device, period_us, reply_us);
+  const double prompt_us =
+      after_wait_us(kPromptRatio * period_us, period_us, 1e3 * wait_for_physics_ms);
+  config.prompt = to_microseconds(std::min(reply_us, prompt_us));
+  const double lease_us = to_lease_us(device, period_us, reply_us, prompt_us);
   config.lease = to_microseconds(lease_us);
 
   const double limp_after_ms = device.number("limp_after_ms", 20.0 * period_ms);

@@ -58,26 +58,6 @@ std::optional<MotionDeadband> to_motion_deadband(const Fields& mofc, double wait
                         .keep_alive = fields.milliseconds("keep_alive_ms")};
 }
 
-/// From the reading to the switch. An answer may act as late as its deadline and for its lease; no
-/// force is older than 3 periods.
-Duration to_delta_max(const Fields& mofc, const DeviceConfig& device) {
-  const double reply_ms = 1e3 * to_seconds(device.reply);
-  const double lease_ms = 1e3 * to_seconds(device.lease);
-  const double period_ms = 1e3 / device.rate_hz;
-  const double delta_max_ms = mofc.number("delta_max_ms", reply_ms);
-  if (delta_max_ms < reply_ms - kPeriodTolerance * period_ms) {
-    mofc.problem("delta_max_ms", "must be ≥ device.reply_us, " + shown(reply_ms) +
-                                     " ms, because answers may act as late as that; leave it out, "
-                                     "or give a smaller device.reply_us");
-  } else if (mofc.has("delta_max_ms") &&
-             delta_max_ms + lease_ms > (3.0 + kPeriodTolerance) * period_ms) {
-    mofc.problem("delta_max_ms", "must be ≤ 3 periods of device.rate_hz less device.lease_us, " +
-                                     shown(3.0 * period_ms - lease_ms) +
-                                     " ms; leave it out, or give a shorter lease");
-  }
-  return to_milliseconds(delta_max_ms);
-}
-
 PaperFriction to_paper_friction(const Fields& fields, const DeviceProfile& profile) {
   if (fields.enumerator("friction") != v1::Mofc::PaperSettings::isotropic) {
     return PaperFriction::kAsPublished;
@@ -227,7 +207,6 @@ MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const Physics
   config.fade = mofc.milliseconds("fade_ms");
   config.handover_newton_per_s = mofc.number("handover_newton_per_s");
   config.velocity_estimator = to_velocity_estimator(mofc.message("velocity_estimator"));
-  config.delta_max = to_delta_max(mofc, device);
   return config;
 }
 

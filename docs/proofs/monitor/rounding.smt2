@@ -6,7 +6,7 @@
 (declare-const M Real)      ; counted on, debts included
 (declare-const R Real)      ; 1 nJ
 (declare-const l Real)      ; 1 ns
-(declare-const delta Real)  ; min(delta_max, rest of the acting lease)
+(declare-const delta Real)  ; min(begins_within, rest of the acting lease)
 (declare-const Da Real)
 (declare-const D Real)
 (declare-const tau Real)    ; lease

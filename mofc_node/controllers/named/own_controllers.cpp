@@ -48,6 +48,7 @@ GuardParameters guard_parameters(const Settings& s) {
           .per_axis = s.per_axis,
           .resolution_m = s.position_resolution_m,
           .delta_max_s = s.delta_max_s,
+          .prompt_s = s.prompt_s,
           .longest_lease_s = s.longest_lease_s,
           .v_max_m_per_s = s.v_max_m_per_s,
           .credit_cap_joule = std::max(s.credit_cap_joule, 0.25 * hold_joule),

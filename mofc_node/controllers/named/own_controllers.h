@@ -28,7 +28,9 @@ struct ControllerSettings {
   double lease_s = 0.002;                     ///< T_hold > 0: every answer may act that long
   double longest_lease_s = 0.002;  ///< no answer acts longer; below lease_s it counts as lease_s
   double delta_max_s = 0.0;        ///< longest time from a reading to the switch to its answer
-  double safety_net = 0.0;         ///< ≠ 0: mode guard limits what the controller answers
+  double prompt_s =
+      0.0;  ///< GuardParameters; a caller that sets it heeds begins_within_s. No setting by name
+  double safety_net = 0.0;  ///< ≠ 0: mode guard limits what the controller answers
 
   // guard, and the safety net: GuardParameters
   double v_max_m_per_s = 0.5;      ///< > 0: fastest the hand can be

@@ -159,6 +159,36 @@ TEST(DeviceNode, AnAnswerThatIsReadTooLateIsDropped) {
   EXPECT_EQ(bench.ticks[0].force_on_hand_newton.norm(), 0.0);
 }
 
+// The clamp has paid for what acts before it until then, and no longer.
+TEST(DeviceNode, AnAnswerIsUsedUntilTheDeadlineThatItNames) {
+  for (const Duration within : {300us, 100us}) {
+    Bench bench(device_config());
+    bench.answer_with(Vector3(1, 0, 0));
+    bench.reply_delay = 200us;
+    bench.begins_within = within;
+
+    bench.tick();
+
+    EXPECT_EQ(bench.ticks[0].is_answered, within > bench.reply_delay);
+    EXPECT_EQ(bench.ticks[0].force_on_hand_newton.norm(), within > bench.reply_delay ? 1.0 : 0.0);
+    EXPECT_EQ(bench.node.counters().late_switches, 0u);
+  }
+}
+
+TEST(DeviceNode, AnAnswerThatBeginsToActAfterTheDeadlineThatItNamesIsWithdrawn) {
+  for (const Duration within : {300us, 100us}) {
+    Bench bench(device_config());
+    bench.answer_with(Vector3(1, 0, 0));
+    bench.begins_within = within;
+    bench.device.before_switch = [&] { bench.clock.advance(200us); };
+
+    bench.tick();
+
+    EXPECT_EQ(bench.node.counters().late_switches, within < 200us ? 1u : 0u);
+    EXPECT_EQ(bench.ticks[0].is_answered, within > 200us);
+  }
+}
+
 // Preempted between the check of the deadline (0.5 ms) and the switch: the stamp of the switch, 1.3
 // ms after the reading, shows that the answer began to act too late.
 TEST(DeviceNode, AnAnswerThatBeginsToActAfterTheDeadlineIsWithdrawnAtOnceAndCounted) {

@@ -82,6 +82,20 @@ TEST_F(MonitorWith1100MicroJoule, ReservesWhatTheActingForceMayStillDraw) {
   EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + (1.1e-3 - 0.2125e-3) / 2e-3 / 0.5, 1e-9);
 }
 
+// An answer that acts within 0.2 ms or never: 0.085 mJ; the first deadline of a tick that is later
+// than what was reserved changes nothing.
+TEST_F(MonitorWith1100MicroJoule, ReservesNoMoreThanUntilTheAnswersOwnDeadline) {
+  monitor_.switched(now_, hand_m_, {0, 1, 0}, 2ms);
+  move(0);
+  ForceMonitor later = monitor_;
+  monitor_.begins_within(200us);
+  later.begins_within(700us);
+  EXPECT_NEAR(monitor_.cover({0, 0, -20}, 2ms).force_on_hand_newton.norm(),
+              0.15 + (1.1e-3 - 0.085e-3) / 2e-3 / 0.5, 1e-9);
+  EXPECT_NEAR(later.cover({0, 0, -20}, 2ms).force_on_hand_newton.norm(),
+              0.15 + (1.1e-3 - 0.2125e-3) / 2e-3 / 0.5, 1e-9);
+}
+
 TEST_F(MonitorWith1100MicroJoule, ForgetsItsCreditButNoDebtWhenItDoesNotKnowWhatHappened) {
   monitor_.lost();
   move(0);

@@ -149,6 +149,16 @@ TEST(ForceCommandCodec, AllowsLeasesFromZeroToOneSecond) {
   expect_range<ForceCommand>(lease(-1), false);
 }
 
+TEST(ForceCommandCodec, AllowsDeadlinesFromZeroToOneSecond) {
+  auto within = [](std::int64_t ns) {
+    return [=](v1::ForceCommand& m) { m.set_begins_within_ns(ns); };
+  };
+  expect_range<ForceCommand>(within(0), true);
+  expect_range<ForceCommand>(within(1'000'000'000), true);
+  expect_range<ForceCommand>(within(1'000'000'001), false);
+  expect_range<ForceCommand>(within(-1), false);
+}
+
 TEST(ForceCommandCodec, RefusesAnAnswerToSessionZero) {
   expect_range<ForceCommand>([](auto& m) { m.mutable_answers()->set_session_id(0); }, false);
 }

@@ -58,11 +58,15 @@ class PoolByTheEquations {
   }
 
   ControlOutput grant(const ControlInput& input, double gate) const {
-    const double reserved_s = std::min(input.acting_lease_s, p_.delta_max_s);
+    const double prompt_s = p_.prompt_s > 0.0 ? p_.prompt_s : p_.delta_max_s;
     const double drain = clamp_.drain_watt(input.acting_force_on_hand_newton);
     double energy = ledger_.energy_joule();
     if (input.energy_limit_joule < energy) energy = input.energy_limit_joule;
-    const double free = energy - (reserved_s > 0.0 ? reserved_s * drain : 0.0);
+    const auto free_at = [&](double delta_s) {
+      const double reserved_s = std::min(input.acting_lease_s, delta_s);
+      return energy - (reserved_s > 0.0 ? reserved_s * drain : 0.0);
+    };
+    double free = free_at(prompt_s);
     const double longest = std::max(p_.mofc.T, p_.longest_lease_s);
     double covered = p_.mofc.T;
     const bool bridges = p_.v_max_m_per_s < kUnbounded;  // guard
@@ -72,10 +76,28 @@ class PoolByTheEquations {
         clamp_.clamp(input.requested_force_on_hand_newton, free * (p_.mofc.T / covered), gate);
     output.ledger_energy_joule = energy;
     output.lease_s = std::max(p_.mofc.T, p_.longest_lease_s);
-    if (const double power = clamp_.drain_watt(output.force_on_hand_newton); power > 0.0) {
+    const double power = clamp_.drain_watt(output.force_on_hand_newton);
+    output.begins_within_s = latest_beginning_s(prompt_s, [&](double delta_s) {
+      return free_at(delta_s) == free_at(prompt_s) || covered * power <= free_at(delta_s);
+    });
+    free = free_at(output.begins_within_s);
+    if (power > 0.0) {
       output.lease_s = std::min(output.lease_s, std::max(p_.mofc.T, std::max(0.0, free) / power));
     }
     return output;
+  }
+
+  /// By halving: what is paid later is paid before.
+  template <class IsPaid>
+  double latest_beginning_s(double prompt_s, const IsPaid& is_paid) const {
+    if (is_paid(p_.delta_max_s)) return p_.delta_max_s;
+    double paid_s = prompt_s;
+    double unpaid_s = p_.delta_max_s;
+    for (int i = 0; i < 60; ++i) {
+      const double middle_s = 0.5 * (paid_s + unpaid_s);
+      (is_paid(middle_s) ? paid_s : unpaid_s) = middle_s;
+    }
+    return paid_s;
   }
 
   double elapsed_s = 0.0;
@@ -248,12 +270,14 @@ GuardParameters parameters_of(std::uint64_t seed) {
                              .T = random.uniform(1e-3, 10e-3)},
                     .resolution_m = random.chance(0.3) ? 0.0 : random.uniform(0.0, 1e-4),
                     .delta_max_s = random.uniform(0.0, 2e-3),
+                    .prompt_s = 0.0,
                     .longest_lease_s = random.uniform(0.0, 30e-3),
                     .v_max_m_per_s = random.uniform(0.3, 1.0),
                     .credit_cap_joule = random.uniform(0.2e-3, 3e-3),
                     .contact_credit_joule = random.uniform(0.0, 3e-3),
                     .gate_joule = random.uniform(0.3e-3, 3e-3),
                     .gate_recovery_s = random.uniform(0.02, 0.3)};
+  if (random.chance(0.7)) p.prompt_s = random.uniform(0.0, p.delta_max_s);
   if (random.chance(0.5)) {
     p.per_axis = AxisFriction{.f_d = {0.1, random.uniform(0.0, 0.5), 0.3},
                               .f_co = {random.uniform(0.0, 0.2), 0.1, 0.0}};
@@ -267,6 +291,7 @@ void expect_same(const ControlOutput& out, const ControlOutput& expected) {
   EXPECT_LT((out.force_on_hand_newton - expected.force_on_hand_newton).norm(), 1e-9);
   EXPECT_LT((out.f_max_newton - expected.f_max_newton).norm(), 1e-9 * expected.f_max_newton.norm());
   EXPECT_NEAR(out.lease_s, expected.lease_s, 1e-9);
+  EXPECT_NEAR(out.begins_within_s, expected.begins_within_s, 1e-9);
   EXPECT_EQ(out.is_too_fast, expected.is_too_fast);
 }
 
@@ -274,6 +299,7 @@ TEST(GuardMofcSteps, EveryStepIsThatOfTheEquations) {
   int too_fast = 0;
   int clamped = 0;
   int long_leases = 0;
+  int partly_later = 0;  // than prompt, and not as late as can be
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     const GuardParameters p = parameters_of(seed);
@@ -291,12 +317,15 @@ TEST(GuardMofcSteps, EveryStepIsThatOfTheEquations) {
       too_fast += out.is_too_fast ? 1 : 0;
       clamped += out.is_clamped ? 1 : 0;
       long_leases += out.lease_s > p.mofc.T ? 1 : 0;
+      partly_later +=
+          out.begins_within_s > p.prompt_s && out.begins_within_s < p.delta_max_s ? 1 : 0;
     }
   }
   // every part of it was in use
   EXPECT_GT(too_fast, 100);
   EXPECT_GT(clamped, 1000);
   EXPECT_GT(long_leases, 100);
+  EXPECT_GT(partly_later, 20);
 }
 
 TEST(VectorMofcSteps, EveryStepIsThatOfTheEquations) {
@@ -654,6 +683,7 @@ TEST(ControllerDefaults, AreThoseOfTheHeaders) {
   EXPECT_EQ(guard.mofc.T, 1e-3);
   EXPECT_EQ(guard.resolution_m, 0.0);
   EXPECT_EQ(guard.delta_max_s, 0.0);
+  EXPECT_EQ(guard.prompt_s, 0.0);
   EXPECT_EQ(guard.longest_lease_s, 0.0);
   EXPECT_EQ(guard.v_max_m_per_s, 0.5);
   EXPECT_EQ(guard.credit_cap_joule, 5e-3);
@@ -663,6 +693,7 @@ TEST(ControllerDefaults, AreThoseOfTheHeaders) {
   const LeasedPoolParameters pool;
   EXPECT_EQ(pool.resolution_m, 0.0);
   EXPECT_EQ(pool.delta_max_s, 0.0);
+  EXPECT_EQ(pool.prompt_s, 0.0);
   EXPECT_EQ(pool.longest_lease_s, 0.0);
   const Release release;
   EXPECT_EQ(release.acted_s, 0.0);

@@ -893,12 +893,11 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
   MofcConfig config{.controller = ControllerKind::kMofc,
                     .mode = GetParam(),
                     .guard = {},
-                    .delta_max = 500us,
                     .stale_after = 6ms,
                     .fade = 50ms,
                     .velocity_estimator = KalmanVelocity{},
                     .motion_deadband = MotionDeadband{}};
-  const ClampedDevice device{.lease = 2ms};
+  const ClampedDevice device{.lease = 2ms, .reply = 800us, .prompt = 500us};
   MofcNode node(config, device, clock, motions, interaction_in, records, 77);
   std::uint64_t allocations = 0;
 

@@ -97,10 +97,11 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.side().realtime.cpu, 0);
   EXPECT_EQ(session.side().realtime.wait, WaitStrategy::kHybrid);
 
-  // 1 kHz: half a period, 2 periods, 20 periods
+  // 1 kHz: 0.8 and half a period, 2 periods, 20 periods
   const DeviceConfig& device = session.side().device;
   EXPECT_EQ(device.rate_hz, 1000.0);
-  EXPECT_EQ(device.reply, 500us);
+  EXPECT_EQ(device.reply, 800us);
+  EXPECT_EQ(device.prompt, 500us);
   EXPECT_EQ(device.lease, 2ms);
   EXPECT_EQ(device.longest_lease, 10ms);
   EXPECT_EQ(device.limp_after, 20ms);
@@ -176,7 +177,7 @@ TEST(SessionFile, DefaultsFollowTheRates) {
       parse_session("name: \"x\" device { rate_hz: 50 } physics { rate_hz: 20 }", "x.txtpb");
 
   // device period 20 ms; 6 physics periods of 50 ms
-  EXPECT_EQ(session.side().device.reply, 10ms);
+  EXPECT_EQ(session.side().device.reply, 16ms);
   EXPECT_EQ(session.side().device.lease, 20ms);
   EXPECT_EQ(session.side().device.longest_lease, 40ms);
   EXPECT_EQ(session.side().device.limp_after, 400ms);
@@ -218,8 +219,8 @@ TEST(SessionFile, DefaultReplyLeavesRoomForTheWait) {
         .device.reply;
   };
 
-  // period 20 ms: half of it; wait + 2 ms; the middle between wait and period
-  EXPECT_EQ(reply("5"), 10ms);
+  // period 20 ms: 0.8 of it; wait + 2 ms; the middle between wait and period
+  EXPECT_EQ(reply("5"), 16ms);
   EXPECT_EQ(reply("15"), 17ms);
   EXPECT_EQ(reply("19"), 19500us);
 }

@@ -405,13 +405,6 @@ const Rule kRules[] = {
      "must be > the keep_alive_ms of the deadbands together, 25 ms",
      {"mofc.motion_deadband={keep_alive_ms: 10}",
       "physics.interaction_deadband={keep_alive_ms: 15}"}},
-    // 1 kHz, 0.5 ms for the answer, a lease of 2 ms
-    {"mofc.delta_max_ms", {"0.499", "0.1"}, {"0.5"}, "must be ≥ device.reply_us, 0.5 ms"},
-    {"mofc.delta_max_ms", {"0"}, {}, "must be > 0"},
-    {"mofc.delta_max_ms",
-     {"1.001"},
-     {"1"},
-     "must be ≤ 3 periods of device.rate_hz less device.lease_us, 1 ms"},
     {"mofc.paper_settings.friction",
      {"isotropic"},
      {"as_published"},

@@ -74,12 +74,13 @@ TEST(SessionSides, TickThreadsOfManySidesSpreadOverTheProcessors) {
   EXPECT_EQ(parse_session(text, "x.txtpb", {"realtime.cpu=0"}).sides[5].realtime.cpu, 0);
 }
 
-// Half a period of 500 Hz and of 2 kHz.
+// 0.8 periods of 500 Hz and of 2 kHz, and half.
 TEST(SessionSides, DefaultsFollowFromTheFieldsOfTheSide) {
   const Session session = two_hands();
 
-  EXPECT_EQ(session.sides[0].device.reply, std::chrono::microseconds(1000));
-  EXPECT_EQ(session.sides[1].device.reply, std::chrono::microseconds(250));
+  EXPECT_EQ(session.sides[0].device.reply, std::chrono::microseconds(1600));
+  EXPECT_EQ(session.sides[1].device.reply, std::chrono::microseconds(400));
+  EXPECT_EQ(session.sides[0].device.prompt, std::chrono::microseconds(1000));
 }
 
 TEST(SessionSides, AListOfASideReplacesTheSharedOne) {
