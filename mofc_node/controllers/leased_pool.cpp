@@ -9,6 +9,8 @@ namespace {
 
 constexpr double kSpan_s = 1.0;
 constexpr int kLeastHoles = 3;
+/// Most pauses of a machine are shorter: to last through them is worth more than to begin late.
+constexpr double kKeptLease_s = 8e-3;
 
 }  // namespace
 
@@ -115,14 +117,17 @@ ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const no
 
   // for as long as it is paid, and as late
   const double drain = clamp_.drain_watt(output.force_on_hand_newton);
-  const double spare = energy - spent - covered_s * drain;
+  const double kept_s = std::max(covered_s, std::min(longest_s, kKeptLease_s));
+  const double spare = energy - spent - kept_s * drain;
   if (acting_watt > 0.0 && spare > 0.0) delta_s += spare / acting_watt;
   // beyond the rest of its lease the acting force costs no more
   if (acting_watt == 0.0 || delta_s >= std::min(acting_s, p_.delta_max_s)) delta_s = p_.delta_max_s;
   spent = spent_within(delta_s);
   const double paid_s = drain > 0.0 ? std::max(0.0, energy - spent) / drain : longest_s;
   output.begins_within_s = delta_s;
-  output.lease_s = paid_s > p_.mofc.T ? std::min(paid_s, longest_s) : p_.mofc.T;
+  // what was kept is paid, but for rounding
+  const double least_s = spare > 0.0 ? kept_s : p_.mofc.T;
+  output.lease_s = paid_s > least_s ? std::min(paid_s, longest_s) : least_s;
   return output;
 }
 

@@ -29,12 +29,15 @@ class VectorMofc final : public ForceController {
   /// @param resolution_m  q ≥ 0    @param delta_max_s  δ ≥ 0
   /// @param per_axis  the friction, instead of the parameters' f_d and f_co
   /// @param longest_lease_s  no command acts longer; below T it counts as T
+  /// @param prompt_s  δ_p: for answers within it first; 0: δ
   VectorMofc(const MofcParameters& parameters, double resolution_m, double delta_max_s,
-             const std::optional<AxisFriction>& per_axis = {}, double longest_lease_s = 0.0)
+             const std::optional<AxisFriction>& per_axis = {}, double longest_lease_s = 0.0,
+             double prompt_s = 0.0)
       : pool_({.mofc = parameters,
                .per_axis = per_axis,
                .resolution_m = resolution_m,
                .delta_max_s = delta_max_s,
+               .prompt_s = prompt_s,
                .longest_lease_s = longest_lease_s}) {}
   void reset() noexcept override { pool_.reset(); }
   /// Books what acted and grants a force with its lease.

@@ -53,6 +53,11 @@ struct Recording {
   MofcCounters mofc;
 
   [[nodiscard]] const TickRow& last() const { return rows.back(); }
+  [[nodiscard]] double mean_force_newton() const {
+    double sum = 0.0;
+    for (const TickRow& row : rows) sum += row.device.force_on_hand_newton.norm();
+    return sum / static_cast<double>(rows.size());
+  }
 };
 
 Recording run(const Session& session, Duration length, const LockstepOptions& options = {}) {
@@ -390,8 +395,23 @@ TEST(Lockstep, ADelayedAnswerSwitchesTheForceWhenItArrives) {
   EXPECT_EQ(touch.device.answered_ticks, 200u);
 }
 
+// Half of the answers come after the 0.5 ms for which the full force is granted.
+TEST(Lockstep, AnAnswerThatComesLateActsWhereTheCreditPaysForTheWait) {
+  const auto touch = [](const std::string& reply_us) {
+    return run(parsed(kPressing, {"faults.force_command={delay_ms: 0.2 jitter_ms: 0.59}",
+                                  "mofc.controller=mofc", "device.reply_us=" + reply_us}),
+               1s);
+  };
+  const Recording late = touch("800");
+  const Recording early = touch("500");
+
+  EXPECT_GT(late.device.answered_ticks, early.device.answered_ticks + 200);
+  EXPECT_GT(late.mean_force_newton(), early.mean_force_newton());
+  EXPECT_GE(late.last().device.minimum_true_energy_joule, -1e-6);
+}
+
 TEST(Lockstep, AnAnswerAfterTheDeadlineIsDropped) {
-  const Recording touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.7"}), 200ms);
+  const Recording touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.81"}), 200ms);
 
   EXPECT_EQ(touch.device.answered_ticks, 0u);
   EXPECT_EQ(touch.device.max_force_newton, 0.0);

@@ -18,10 +18,13 @@ constexpr double kLateTickUs = 1e3;
 /// force all the time, a late tick takes a smaller one now and then. Where credit pays for it, the
 /// lease is longer anyhow.
 constexpr double kSlowPeriodUs = 5e3;
-/// Of a period: answers within the first have the first claim to the credit, later ones, until the
-/// second, to what it has left. Beyond that the next tick would wait.
+/// Of a period: answers within it have the first claim to the credit, later ones to what it has
+/// left.
 constexpr double kPromptRatio = 0.5;
+/// Later answers would make the next tick wait,
 constexpr double kReplyRatio = 0.8;
+/// and a machine is not more than that late because its periods are long.
+constexpr double kLaterUs = 300.0;
 /// From no force to the peak by default. Longer takes the edge off the contact with viscous tissue;
 /// shorter bounds little at 1 kHz.
 constexpr double kDefaultRiseS = 2e-3;
@@ -72,11 +75,13 @@ double after_wait_us(double usual_us, double period_us, double wait_us) {
 double to_reply_us(const Fields& device, double period_us, double wait_us) {
   // a command may act until 3 periods after its reading
   const double left_us = 3.0 * period_us - device.number("lease_us", 2.0 * period_us);
-  const double usual_us = std::clamp(left_us, kPromptRatio * period_us, kReplyRatio * period_us);
+  const double usual_us =
+      std::clamp(left_us, kPromptRatio * period_us,
+                 std::min(kReplyRatio * period_us, kPromptRatio * period_us + kLaterUs));
   const double reply_us = device.number("reply_us", after_wait_us(usual_us, period_us, wait_us));
   if (device.has("reply_us") && reply_us >= period_us) {
     device.problem("reply_us", "must be < 1 period of device.rate_hz, " + shown(period_us) +
-                                   " us; leave it out for 0.8 periods");
+                                   " us; leave it out");
   }
   if (device.has("reply_us") && wait_us >= reply_us) {
     device.problem("reply_us", "must be > mofc.wait_for_physics_ms, " + shown(wait_us) +

@@ -36,7 +36,7 @@ Made paper_isotropic(const Settings& s) {
 
 Made vector(const Settings& s) {
   return std::make_unique<VectorMofc>(leased(s), s.position_resolution_m, s.delta_max_s, s.per_axis,
-                                      s.longest_lease_s);
+                                      s.longest_lease_s, s.prompt_s);
 }
 
 GuardParameters guard_parameters(const Settings& s) {

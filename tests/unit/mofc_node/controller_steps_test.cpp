@@ -77,12 +77,18 @@ class PoolByTheEquations {
     output.ledger_energy_joule = energy;
     output.lease_s = std::max(p_.mofc.T, p_.longest_lease_s);
     const double power = clamp_.drain_watt(output.force_on_hand_newton);
-    output.begins_within_s = latest_beginning_s(prompt_s, [&](double delta_s) {
-      return free_at(delta_s) == free_at(prompt_s) || covered * power <= free_at(delta_s);
-    });
+    const double kept = std::max(covered, std::min(longest, 8e-3));
+    const bool is_free = !(drain > 0.0) || input.acting_lease_s <= prompt_s;
+    output.begins_within_s =
+        is_free ? p_.delta_max_s : latest_beginning_s(prompt_s, [&](double delta_s) {
+          return kept * power <= free_at(delta_s);
+        });
     free = free_at(output.begins_within_s);
     if (power > 0.0) {
-      output.lease_s = std::min(output.lease_s, std::max(p_.mofc.T, std::max(0.0, free) / power));
+      const bool is_all_spent =
+          output.begins_within_s > prompt_s && output.begins_within_s < p_.delta_max_s;
+      const double paid = is_all_spent ? kept : std::max(0.0, free) / power;
+      output.lease_s = std::min(output.lease_s, std::max(p_.mofc.T, paid));
     }
     return output;
   }
@@ -333,7 +339,8 @@ TEST(VectorMofcSteps, EveryStepIsThatOfTheEquations) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     GuardParameters p = parameters_of(seed);
     p.v_max_m_per_s = kUnbounded;
-    VectorMofc controller(p.mofc, p.resolution_m, p.delta_max_s, p.per_axis, p.longest_lease_s);
+    VectorMofc controller(p.mofc, p.resolution_m, p.delta_max_s, p.per_axis, p.longest_lease_s,
+                          p.prompt_s);
     PoolByTheEquations expected(p);
     RandomSteps steps(seed);
     for (int k = 0; k < 200 && !HasFailure(); ++k) {

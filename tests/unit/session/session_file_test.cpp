@@ -97,7 +97,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.side().realtime.cpu, 0);
   EXPECT_EQ(session.side().realtime.wait, WaitStrategy::kHybrid);
 
-  // 1 kHz: 0.8 and half a period, 2 periods, 20 periods
+  // 1 kHz: half a period and 0.3 ms, half a period, 2 periods, 20 periods
   const DeviceConfig& device = session.side().device;
   EXPECT_EQ(device.rate_hz, 1000.0);
   EXPECT_EQ(device.reply, 800us);
@@ -177,7 +177,7 @@ TEST(SessionFile, DefaultsFollowTheRates) {
       parse_session("name: \"x\" device { rate_hz: 50 } physics { rate_hz: 20 }", "x.txtpb");
 
   // device period 20 ms; 6 physics periods of 50 ms
-  EXPECT_EQ(session.side().device.reply, 16ms);
+  EXPECT_EQ(session.side().device.reply, 10300us);
   EXPECT_EQ(session.side().device.lease, 20ms);
   EXPECT_EQ(session.side().device.longest_lease, 40ms);
   EXPECT_EQ(session.side().device.limp_after, 400ms);
@@ -219,8 +219,8 @@ TEST(SessionFile, DefaultReplyLeavesRoomForTheWait) {
         .device.reply;
   };
 
-  // period 20 ms: 0.8 of it; wait + 2 ms; the middle between wait and period
-  EXPECT_EQ(reply("5"), 16ms);
+  // period 20 ms: half of it and 0.3 ms; wait + 2 ms; the middle between wait and period
+  EXPECT_EQ(reply("5"), 10300us);
   EXPECT_EQ(reply("15"), 17ms);
   EXPECT_EQ(reply("19"), 19500us);
 }

@@ -74,11 +74,11 @@ TEST(SessionSides, TickThreadsOfManySidesSpreadOverTheProcessors) {
   EXPECT_EQ(parse_session(text, "x.txtpb", {"realtime.cpu=0"}).sides[5].realtime.cpu, 0);
 }
 
-// 0.8 periods of 500 Hz and of 2 kHz, and half.
+// Half a period of 500 Hz and 0.3 ms, 0.8 periods of 2 kHz.
 TEST(SessionSides, DefaultsFollowFromTheFieldsOfTheSide) {
   const Session session = two_hands();
 
-  EXPECT_EQ(session.sides[0].device.reply, std::chrono::microseconds(1600));
+  EXPECT_EQ(session.sides[0].device.reply, std::chrono::microseconds(1300));
   EXPECT_EQ(session.sides[1].device.reply, std::chrono::microseconds(400));
   EXPECT_EQ(session.sides[0].device.prompt, std::chrono::microseconds(1000));
 }
