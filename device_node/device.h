@@ -43,7 +43,8 @@ struct DeviceSpecification {
   /// by it.
   double held_force_ratio = 1.0;
   /// Of the same motors: by what share the force of the same currents changes per metre, at most;
-  /// 0: the motors hold the force, or no bound is known.
+  /// 0: the motors hold the force, or no bound is known; infinite: the workspace has a singular
+  /// place of the arm, and no force acts.
   double turning_per_m = 0.0;
 };
 

@@ -26,13 +26,20 @@ std::string newton_text(double newton) {
   return text.data();
 }
 
+std::string micrometre_text(double metre) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.4g µm", 1e6 * metre);
+  return text.data();
+}
+
 }  // namespace
 
 /// Lemma: held_torque.
 double largest_force_newton(const DeviceConfig& config,
                             const DeviceSpecification& specification) noexcept {
   const bool may_exceed_friction =
-      specification.has_motor_watchdog || config.accepts_no_motor_watchdog;
+      specification.has_motor_watchdog ||
+      (config.accepts_no_motor_watchdog && std::isfinite(specification.turning_per_m));
   return may_exceed_friction
              ? specification.peak_force_newton
              : std::min(specification.peak_force_newton,
@@ -42,7 +49,10 @@ double largest_force_newton(const DeviceConfig& config,
 std::optional<FrictionLimit> friction_limit(const DeviceConfig& config,
                                             const DeviceSpecification& specification,
                                             const std::string& driver) {
-  if (specification.has_motor_watchdog || config.accepts_no_motor_watchdog) return std::nullopt;
+  if (specification.has_motor_watchdog ||
+      (config.accepts_no_motor_watchdog && std::isfinite(specification.turning_per_m))) {
+    return std::nullopt;
+  }
   const double newton = largest_force_newton(config, specification);
   if (config.peak_force_newton < newton) {
     return FrictionLimit{config.peak_force_newton, false, "device.peak_force_newton", ""};
@@ -95,6 +105,19 @@ void refuse_unlikely_friction(const DeviceConfig& config,
                    newton_text(most_newton) +
                    ", it is not believed that it absorbs what the motors do; measure it with "
                    "palpate identify");
+}
+
+void refuse_finer_resolution(const DeviceConfig& config, const DeviceSpecification& specification) {
+  const double step_m = specification.position_resolution_m;
+  if (specification.is_simulated || config.profile.position_resolution_m >= step_m) return;
+  std::array<char, 48> text{};
+  // rounded up, to be taken as it is
+  std::snprintf(text.data(), text.size(), "%.0fe-6", std::ceil(1e6 * step_m));
+  throw SetupError(
+      "device.profile.position_resolution_m: " +
+      micrometre_text(config.profile.position_resolution_m) + ": the steps of device \"" +
+      specification.model_name + "\" are up to " + micrometre_text(step_m) +
+      " in its workspace, and more energy than is counted could be drawn; give " + text.data());
 }
 
 /// No command and no push of the check is stronger.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 
 namespace palpate::device {
 
@@ -36,6 +37,13 @@ FaultReason reason_of(DeviceError error, FaultReason otherwise) {
   return otherwise;
 }
 
+/// Where something bounds what the currents do that the motors hold.
+Vector3 bounded_reach_m(const DeviceSpecification& specification) {
+  const bool are_held = specification.held_force_ratio > 1.0 || specification.turning_per_m > 0.0;
+  return are_held ? specification.workspace_half_extent_m
+                  : Vector3::Constant(std::numeric_limits<double>::infinity());
+}
+
 /// The answer may begin to act until then.
 TimePoint due_of(const ForceCommand& answer, TimePoint read_at, TimePoint deadline) {
   return answer.begins_within > Duration::zero()
@@ -59,14 +67,17 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       observer_(observer),
       journal_(journal),
       workspace_(config.workspace),
-      guard_(config, largest_force_newton(config, device.specification())),
+      guard_(config, largest_force_newton(config, device.specification()),
+             device.specification().has_motor_watchdog),
       monitor_(ForceMonitor(config,
                             {.are_by_themselves = device.specification().has_motor_watchdog,
                              .reach_m = 2.0 * device.specification().workspace_half_extent_m.norm(),
                              .held_ratio = device.specification().held_force_ratio,
-                             .turning_per_m = device.specification().turning_per_m}),
+                             .turning_per_m = std::isfinite(device.specification().turning_per_m)
+                                                  ? device.specification().turning_per_m
+                                                  : 0.0}),  // no force then
                journal),
-      watch_(config),
+      watch_(config, bounded_reach_m(device.specification())),
       frozen_(config),
       measured_(config),
       motor_check_({.rate_hz = config.rate_hz,
@@ -256,13 +267,13 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
 GuardedForce DeviceNode::monitored(const GuardedForce& guarded, DeviceTick& record) noexcept {
   if (!config_.monitor.is_on || is_unbooked_) return guarded;
   const ForceMonitor::Covered covered = monitor_.cover(guarded.force_on_hand_newton, guarded.lease);
-  if (!covered.is_reduced) return guarded;
+  if (!covered.is_reduced && covered.lease == guarded.lease) return guarded;
   GuardedForce less = guarded;
   less.force_on_hand_newton = covered.force_on_hand_newton;
   less.lease = covered.lease;
   guard_.reduced(less);
-  ++counters_.monitor_reductions;
-  record.is_monitor_reduced = true;
+  if (covered.is_reduced) ++counters_.monitor_reductions;
+  record.is_monitor_reduced = covered.is_reduced;
   record.force_on_hand_newton = less.force_on_hand_newton;
   return less;
 }
@@ -316,6 +327,7 @@ FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
         .lease = late,
         .is_good = is_possible});
   if (has_earlier) watch_.moved(judge_.moved_m(), judge_.elapsed());
+  watch_.is_at(sample.hand_position_m);
   last_orientation_ = sample.orientation;
   return is_possible ? FaultReason::kNone : FaultReason::kPositionJumped;
 }
@@ -490,6 +502,7 @@ DeviceCounters DeviceNode::counters() const noexcept {
   counters.accepts_no_motor_watchdog = config_.accepts_no_motor_watchdog;
   counters.too_fast_readings = watch_.too_fast_readings();
   counters.coarse_readings = watch_.coarse_readings();
+  counters.outside_readings = watch_.outside_readings();
   return counters;
 }
 

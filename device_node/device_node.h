@@ -56,8 +56,9 @@
 
 namespace palpate::device {
 
-/// The largest force that the session and the device allow [N]: f_co where the motors end no force
-/// by themselves, unless the session accepts that.
+/// The largest force that the session and the device allow [N]: f_co / held_force_ratio where the
+/// motors end no force by themselves, unless the session accepts that and something bounds how
+/// their force turns.
 [[nodiscard]] double largest_force_newton(const DeviceConfig& config,
                                           const DeviceSpecification& specification) noexcept;
 
@@ -70,6 +71,7 @@ struct FrictionLimit {
 };
 /// @param driver  its name in sessions
 /// @return        nothing with a motor watchdog, or where the session accepts that there is none
+///                and it can
 [[nodiscard]] std::optional<FrictionLimit> friction_limit(const DeviceConfig& config,
                                                           const DeviceSpecification& specification,
                                                           const std::string& driver);
@@ -84,6 +86,8 @@ void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification
 /// @throws SetupError  the friction of the profile is more than kMostFriction_ratio of the peak
 /// force
 void refuse_unlikely_friction(const DeviceConfig& config, const DeviceSpecification& specification);
+/// @throws SetupError  the profile claims a finer resolution than the device says it has
+void refuse_finer_resolution(const DeviceConfig& config, const DeviceSpecification& specification);
 /// Forces up to f_co need neither a motor watchdog nor a check of the motors: so a friction that is
 /// none would open the way for a force that nobody checked.
 inline constexpr double kMostFriction_ratio = 0.25;

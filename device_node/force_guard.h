@@ -46,8 +46,11 @@ struct GuardedForce {
 class ForceGuard {
  public:
   /// @param device_peak_newton  the hardware's own limit; the smaller one holds
-  ForceGuard(const DeviceConfig& config, double device_peak_newton)
+  /// @param ends_by_itself      a force, with its lease. False: nobody ends it before the next
+  ///                            message, so that no lease is shorter than T_hold
+  ForceGuard(const DeviceConfig& config, double device_peak_newton, bool ends_by_itself = true)
       : lease_(config.lease),
+        least_lease_(ends_by_itself ? Duration::zero() : config.lease),
         longest_lease_(std::max(config.lease, config.longest_lease)),
         limp_after_(config.limp_after),
         fade_(config.fade),
@@ -69,6 +72,7 @@ class ForceGuard {
       if (!force.allFinite()) ++non_finite_commands_;
       force.setZero();
     }
+    out.lease = std::max(out.lease, least_lease_);
 
     // limp start
     const Duration silence = now - answered_at_;
@@ -152,6 +156,7 @@ class ForceGuard {
   }
 
   Duration lease_;
+  Duration least_lease_;
   Duration longest_lease_;
   Duration limp_after_;
   Duration fade_;

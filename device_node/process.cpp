@@ -225,6 +225,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   refuse_unmonitored(session.side().device, device->specification(), context.is_unsafe);
   refuse_missing_button(session.side().device, device->specification());
   refuse_unlikely_friction(session.side().device, device->specification());
+  refuse_finer_resolution(session.side().device, device->specification());
   double friction_ratio = 0.0;
   const DeviceConfig config = checked_config(session, context, *device, friction_ratio);
   if (!config.monitor.is_on) {

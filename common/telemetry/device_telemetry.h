@@ -134,6 +134,8 @@ struct DeviceCounters {
   std::uint64_t ledger_excesses = 0;
   std::uint64_t too_fast_readings = 0;  ///< certainly faster than the monitor's v_max
   std::uint64_t coarse_readings = 0;    ///< steps of an encoder coarser than the profile says
+  /// Beyond the workspace, of motors that hold currents: there nothing bounds what those do.
+  std::uint64_t outside_readings = 0;
   /// Readings with the stamp of the reading of the tick before: the driver had no newer one.
   std::uint64_t repeated_readings = 0;
   /// Friction found by the hands-off check, as a share of the session's profile: 1 where the

@@ -56,6 +56,7 @@ EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
       ledger_excesses_(log, spdlog::level::err, "ledger_too_high"),
       too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
       coarse_readings_(log, spdlog::level::warn, "encoder_coarser_than_profile"),
+      outside_(log, spdlog::level::warn, "hand_outside_workspace"),
       frozen_(log, spdlog::level::warn, "position_stands_still"),
       acknowledged_(log, spdlog::level::info, "acknowledged_by_page"),
       not_acknowledged_(log, spdlog::level::warn, "page_acknowledgement_refused"),
@@ -92,6 +93,7 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   ledger_excesses_.note(counters.ledger_excesses, now);
   too_fast_.note(counters.too_fast_readings, now);
   coarse_readings_.note(counters.coarse_readings, now);
+  outside_.note(counters.outside_readings, now);
   frozen_.note(counters.frozen_ticks, now);
   if (counters.checked_motor_gain != motor_gain_) {
     motor_gain_ = counters.checked_motor_gain;

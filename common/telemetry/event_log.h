@@ -80,6 +80,7 @@ class EventLog<DeviceCounters> {
   GrowthEvent ledger_excesses_;
   GrowthEvent too_fast_;
   GrowthEvent coarse_readings_;
+  GrowthEvent outside_;
   GrowthEvent frozen_;
   GrowthEvent acknowledged_;
   GrowthEvent not_acknowledged_;

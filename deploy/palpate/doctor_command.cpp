@@ -317,6 +317,7 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
   try {
     device::refuse_missing_button(side.device, specification);
     device::refuse_unlikely_friction(side.device, specification);
+    device::refuse_finer_resolution(side.device, specification);
     device::refuse_unmonitored(side.device, specification, false);
     if (side.device.has_hands_off_check) device::refuse_hands_off_check(specification);
   } catch (const SetupError& error) {

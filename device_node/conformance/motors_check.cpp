@@ -80,7 +80,9 @@ CheckOutcome check_motors(DeviceBench& bench) {
       return failed("the positions do not follow a push along " + axis +
                     ": device_node would refuse to enable it");
     case MotorVerdict::kInterrupted:
-      return failed("this machine pauses again and again: stop other programs and try again");
+      return failed(
+          "readings are missing for more than 5 ms again and again: stop other programs; if `pace` "
+          "names long calls, the driver blocks");
     case MotorVerdict::kChecking:
     case MotorVerdict::kGood:
       break;

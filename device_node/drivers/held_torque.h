@@ -20,19 +20,23 @@ namespace palpate::device {
 /// What the force of held currents can become as the arm turns.
 struct HeldForce {
   double ratio = std::numeric_limits<double>::infinity();  ///< held_force_ratio
-  double turning_per_m = 0.0;
+  double turning_per_m = std::numeric_limits<double>::infinity();
+  Vector3 step_m =
+      Vector3::Zero();  ///< Σ |J_ij| of a step of each encoder, the largest on each axis
 };
 
 /// Torques τ = J_pᵀ F, commanded at p, make J_q⁻ᵀ τ at q, at most ‖J_q⁻ᵀ J_pᵀ‖ |F|. From all pairs
 /// of 5 × 5 × 5 places of the workspace and of the two where J and J⁻¹ are largest, which are
-/// climbed to from the best of 21 × 21 × 21; the change per metre from steps of 10 µm at the same
-/// places.
+/// climbed to from the best of 21 × 21 × 21, and from there to the worst pair; the change per
+/// metre, from steps of 10 µm, likewise.
 /// @param jacobian_at  of a place of D: std::optional<Matrix3>, ∂position/∂angles; nothing at a
 ///                     singular place, nor where the arm cannot be, which such places border on
-/// @return             a ratio ≥ 1; infinite where the workspace has such a place, or det J another
-///                     sign
+/// @param count_rad    a step of each encoder
+/// @return             a ratio ≥ 1; both infinite where the workspace has such a place, or det J
+///                     another sign
 template <class JacobianAt>
-HeldForce held_force(const Vector3& workspace_half_extent_m, const JacobianAt& jacobian_at) {
+HeldForce held_force(const Vector3& workspace_half_extent_m, const Vector3& count_rad,
+                     const JacobianAt& jacobian_at) {
   constexpr double kBetween = 1.02;  // places between those looked at
   constexpr int kPairs = 5;
   constexpr int kPlaces = 21;
@@ -58,12 +62,14 @@ HeldForce held_force(const Vector3& workspace_half_extent_m, const JacobianAt& j
   std::array<Most, 2> largest{Most{[](const Matrix3& j) { return j.norm(); }},
                               Most{[](const Matrix3& j) { return j.inverse().norm(); }}};
   double sign = 0.0;
+  Vector3 step_m = Vector3::Zero();
   /// False: a singular place, or one beyond.
   const auto look = [&](const Vector3& share, Most& most) {
     const std::optional<Matrix3> jacobian = jacobian_at(place_m(share));
     const double determinant = jacobian ? jacobian->determinant() : 0.0;
     if (sign == 0.0) sign = determinant;
     if (!(determinant * sign > 0.0)) return false;
+    step_m = step_m.cwiseMax(jacobian->cwiseAbs() * count_rad);
     if (const double value = most.of(*jacobian); value > most.value) {
       most.value = value;
       most.share = share;
@@ -86,47 +92,74 @@ HeldForce held_force(const Vector3& workspace_half_extent_m, const JacobianAt& j
     }
   }
 
-  HeldForce held{.ratio = 1.0};
-  std::vector<Matrix3> commanded;  // J_pᵀ
-  const auto take = [&](const Vector3& share) {
-    const Vector3 at_m = place_m(share);
-    const Matrix3 torque_by_force = jacobian_at(at_m)->transpose();
-    commanded.push_back(torque_by_force);
+  HeldForce held{.ratio = 1.0, .turning_per_m = 0.0, .step_m = step_m};
+  /// From there along the coordinates to a place, or a pair of places, where it is largest.
+  const auto climbed = [](auto at, const auto& of) {
+    double value = of(at);
+    for (double step = 1.0 / (kPairs - 1); step > 1e-3;) {
+      const auto from = at;
+      const double before = value;
+      for (std::size_t way = 0; way < 2 * from.size(); ++way) {
+        auto beside = from;
+        beside[way / 2] = std::clamp(from[way / 2] + (way % 2 == 0 ? step : -step), -1.0, 1.0);
+        const double other = of(beside);
+        if (other <= (1.0 + 1e-9) * value) continue;
+        value = other;
+        at = beside;
+      }
+      if (value == before) step *= 0.5;
+    }
+    return kBetween * value;
+  };
+  const auto turning_at = [&](const std::array<double, 3>& share) {
+    const Vector3 at_m = place_m(Vector3(share[0], share[1], share[2]));
+    const std::optional<Matrix3> here = jacobian_at(at_m);
+    if (!here) return std::numeric_limits<double>::infinity();
+    const Matrix3 torque_by_force = here->transpose();
     double turning2 = 0.0;
-    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
       const double inward_m = share[axis] > 0.0 ? -kStep_m : kStep_m;
       const std::optional<Matrix3> beside =
-          jacobian_at(Vector3(at_m + inward_m * Vector3::Unit(axis)));
+          jacobian_at(Vector3(at_m + inward_m * Vector3::Unit(static_cast<Eigen::Index>(axis))));
       if (!beside) continue;
       const Matrix3 turned = beside->transpose().inverse() * torque_by_force - Matrix3::Identity();
       turning2 += turned.squaredNorm() / (kStep_m * kStep_m);
     }
-    held.turning_per_m = std::max(held.turning_per_m, kBetween * std::sqrt(turning2));
+    return std::sqrt(turning2);
+  };
+  /// Commanded at the first place, at the second one.
+  const auto ratio_at = [&](const std::array<double, 6>& share) {
+    const auto here = jacobian_at(place_m(Vector3(share[0], share[1], share[2])));
+    const auto there = jacobian_at(place_m(Vector3(share[3], share[4], share[5])));
+    if (!here || !there) return std::numeric_limits<double>::infinity();
+    return Eigen::JacobiSVD<Matrix3>(Matrix3(there->transpose().inverse() * here->transpose()))
+        .singularValues()[0];
+  };
+  std::vector<std::array<double, 3>> places;
+  const auto take = [&](const Vector3& share) {
+    places.push_back({share.x(), share.y(), share.z()});
     return true;
   };
   each(kPairs, take);
   for (const Most& most : largest) take(most.share);
-  for (const Matrix3& elsewhere : commanded) {
-    const Matrix3 force_by_torque = elsewhere.inverse();
-    for (const Matrix3& torque_by_force : commanded) {
-      const Matrix3 by_force = force_by_torque * torque_by_force;
-      held.ratio =
-          std::max(held.ratio, kBetween * Eigen::JacobiSVD<Matrix3>(by_force).singularValues()[0]);
+  std::array<double, 6> worst_pair{};
+  double ratio = 0.0;
+  for (const auto& a : places) {
+    for (const auto& b : places) {
+      const std::array<double, 6> pair{a[0], a[1], a[2], b[0], b[1], b[2]};
+      const double other = ratio_at(pair);
+      if (other <= ratio) continue;
+      ratio = other;
+      worst_pair = pair;
     }
   }
+  const auto turns_less = [&](const auto& a, const auto& b) {
+    return turning_at(a) < turning_at(b);
+  };
+  held.turning_per_m =
+      climbed(*std::max_element(places.begin(), places.end(), turns_less), turning_at);
+  held.ratio = std::max(1.0, climbed(worst_pair, ratio_at));
   return held;
-}
-
-/// The same of a driver whose settings say where its arm is mounted, into its specification.
-/// @param jacobian_at  as above, of a place in the frame of the arm
-template <class Config, class JacobianAt>
-void bound_held_force(DeviceSpecification& specification, const Config& config,
-                      const JacobianAt& jacobian_at) {
-  const HeldForce held = held_force(config.workspace_half_extent_m, [&](const Vector3& position_m) {
-    return jacobian_at(Vector3(config.rotation.conjugate() * position_m + config.origin_m));
-  });
-  specification.held_force_ratio = held.ratio;
-  specification.turning_per_m = held.turning_per_m;
 }
 
 /// A Jacobian of the frame of the arm, in D.
@@ -134,6 +167,24 @@ template <class Config>
 std::optional<Matrix3> mounted(const Config& config, const std::optional<Matrix3>& jacobian) {
   if (!jacobian) return {};
   return Matrix3(config.rotation.toRotationMatrix() * *jacobian);
+}
+
+/// The same of a driver whose settings say where its arm is mounted, into its specification. Its
+/// resolution is no finer than the steps of the encoders.
+/// @param count_rad    a step of each encoder
+/// @param jacobian_at  as above, of a place in the frame of the arm
+template <class Config, class JacobianAt>
+void bound_held_force(DeviceSpecification& specification, const Config& config,
+                      const Vector3& count_rad, const JacobianAt& jacobian_at) {
+  const HeldForce held =
+      held_force(config.workspace_half_extent_m, count_rad, [&](const Vector3& position_m) {
+        return mounted(config, jacobian_at(Vector3(config.rotation.conjugate() * position_m +
+                                                   config.origin_m)));
+      });
+  specification.held_force_ratio = held.ratio;
+  specification.turning_per_m = held.turning_per_m;
+  specification.position_resolution_m =
+      std::max(specification.position_resolution_m, held.step_m.maxCoeff());
 }
 
 /// The work of torques τ over joint angles is τ·Δθ, exactly; the energy is counted with F·Δx, F as

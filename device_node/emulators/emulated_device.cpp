@@ -46,6 +46,25 @@ constexpr std::array<std::pair<std::string_view, WireFault>, 31> kWireFaults{
      {"merged", WireFault::kMerged},
      {"unlisted", WireFault::kUnlisted}}};
 
+/// Kinds that only these devices know.
+struct KindOf {
+  WireFault kind;
+  const char* drivers;
+};
+constexpr std::array kKindsOf{KindOf{WireFault::kEcho, "falcon"},
+                              KindOf{WireFault::kNoSupply, "haply_inverse"},
+                              KindOf{WireFault::kUncalibrated, "haply_inverse"},
+                              KindOf{WireFault::kGripGone, "haply_inverse"},
+                              KindOf{WireFault::kGripOff, "haply_inverse"},
+                              KindOf{WireFault::kGripFrozen, "haply_inverse"},
+                              KindOf{WireFault::kUnlisted, "haply_inverse"},
+                              KindOf{WireFault::kWrongId, "haply_inverse hapi"},
+                              KindOf{WireFault::kSetUpAnywhere, "hapi"},
+                              KindOf{WireFault::kPowerCycle, "hapi wooden"},
+                              KindOf{WireFault::kEncoderZero, "falcon wooden"},
+                              KindOf{WireFault::kPartial, "hapi falcon wooden"},
+                              KindOf{WireFault::kTurning, "hapi falcon wooden"}};
+
 constexpr double kWeightNewton = 0.5;
 constexpr std::uint64_t kDroppedOneIn = 20;
 
@@ -74,7 +93,7 @@ std::vector<std::string> fault_kinds() {
   return kinds;
 }
 
-PlannedFault parse_fault(const std::string& text) {
+PlannedFault parse_fault(const std::string& text, const std::string& driver) {
   const std::string_view all = text;
   const std::size_t at = all.find('@');
   const std::size_t colon = all.find(':');
@@ -86,6 +105,12 @@ PlannedFault parse_fault(const std::string& text) {
           read_number(all.substr(at + 1, colon - at - 1), fault.from_s) &&
           read_number(all.substr(colon + 1), length_ms)) {
         fault.length_s = 1e-3 * length_ms;
+        for (const KindOf& one : kKindsOf) {
+          if (one.kind != kind || std::string(one.drivers).find(driver) != std::string::npos)
+            continue;
+          throw SetupError("--fault \"" + text + "\": is no fault of " + driver + " but of " +
+                           one.drivers + "; leave it out");
+        }
         return fault;
       }
     }

@@ -71,8 +71,9 @@ struct FaultOutcome {
 [[nodiscard]] std::vector<std::string> fault_kinds();
 
 /// "unplugged@2:500": from 2 s on, for 500 ms.
-/// @throws SetupError  another form; the text lists the kinds
-[[nodiscard]] PlannedFault parse_fault(const std::string& text);
+/// @param driver  in sessions
+/// @throws SetupError  another form, the text lists the kinds; or no fault of this driver's device
+[[nodiscard]] PlannedFault parse_fault(const std::string& text, const std::string& driver);
 
 /// One thread, except where another is named.
 class EmulatedDevice {

@@ -28,9 +28,17 @@ namespace palpate::device {
 /// occurred 100 times and is more than q, each further one. No allocation, no throw.
 class AssumptionWatch {
  public:
-  explicit AssumptionWatch(const DeviceConfig& config) noexcept
+  /// @param farthest_m  on each axis, D: beyond it nothing bounds what held currents do
+  explicit AssumptionWatch(const DeviceConfig& config,
+                           const Vector3& farthest_m =
+                               Vector3::Constant(std::numeric_limits<double>::infinity())) noexcept
       : v_max_m_per_s_(config.monitor.v_max_m_per_s),
-        resolution_m_(config.profile.position_resolution_m) {}
+        resolution_m_(config.profile.position_resolution_m),
+        farthest_m_(farthest_m) {}
+
+  void is_at(const Vector3& position_m) noexcept {
+    if ((position_m.cwiseAbs() - farthest_m_).maxCoeff() > 0.0) ++outside_;
+  }
 
   /// From one reading to the next.
   void moved(const Vector3& moved_m, Duration elapsed) noexcept {
@@ -40,6 +48,7 @@ class AssumptionWatch {
 
   [[nodiscard]] std::uint64_t too_fast_readings() const noexcept { return too_fast_; }
   [[nodiscard]] std::uint64_t coarse_readings() const noexcept { return coarse_; }
+  [[nodiscard]] std::uint64_t outside_readings() const noexcept { return outside_; }
 
  private:
   static constexpr std::uint64_t kEnough = 100;
@@ -60,9 +69,11 @@ class AssumptionWatch {
 
   double v_max_m_per_s_;
   double resolution_m_;
+  Vector3 farthest_m_;
   std::array<Axis, 3> axes_{};
   std::uint64_t too_fast_ = 0;
   std::uint64_t coarse_ = 0;
+  std::uint64_t outside_ = 0;
 };
 
 }  // namespace palpate::device

@@ -145,30 +145,53 @@ void ForceMonitor::lost() noexcept {
   }
 }
 
+/// Less what forces draw beyond drain and time: the one that acts, until it is replaced, and the
+/// largest for T_hold.
 double ForceMonitor::coverable_joule() const noexcept {
   const double now_joule = joule();
-  if (skew_s_ == 0.0) return now_joule;
-  return now_joule - most_joule(acting_newton_, skew_s_) -
-         most_joule(Vector3(most_newton_, 0.0, 0.0), skew_s_);
+  if (skew_s_ == 0.0 && ends_.turning_per_m == 0.0) return now_joule;
+  const auto beyond_joule = [&](const Vector3& force_newton, double acting_s) {
+    const double drain = worst_hand_.drain_watt(force_newton);
+    return drain == 0.0 ? 0.0 : most_joule(force_newton, acting_s + skew_s_) - acting_s * drain;
+  };
+  return now_joule - beyond_joule(acting_newton_, std::max(0.0, to_seconds(reserved_))) -
+         beyond_joule(Vector3(most_newton_, 0.0, 0.0), to_seconds(hold_));
+}
+
+/// The longest time up to `most_s` in which this force draws no more than that: t D + κ|F| v² t (t
+/// + T).
+double ForceMonitor::paid_s(const Vector3& force_newton, double joule,
+                            double most_s) const noexcept {
+  const double drain = worst_hand_.drain_watt(force_newton);
+  const double square =
+      ends_.turning_per_m * force_newton.norm() * v_skew_m_per_s_ * v_skew_m_per_s_;
+  const double linear = drain + square * period_s_;
+  if (!(joule > 0.0)) return 0.0;
+  if (most_s * (linear + square * most_s) <= joule) return most_s;
+  // t = 2 C/(b + √(b² + 4 a C)), without cancellation
+  return 2.0 * joule / (linear + std::sqrt(linear * linear + 4.0 * square * joule));
 }
 
 ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
                                           Duration lease) noexcept {
   Covered covered{.force_on_hand_newton = force_on_hand_newton, .lease = lease};
   const double drain = covered_watt_ = worst_hand_.drain_watt(force_on_hand_newton);
-  const double turning = turning_joule(force_on_hand_newton, to_seconds(lease) + skew_s_);
-  const double counted_joule = (to_seconds(lease) + skew_s_ - kLeaseRoundingS) * drain + turning;
-  if (drain == 0.0 || counted_joule <= credit_joule_ + kRoundingJoule) {
-    credit_joule_ -= most_joule(force_on_hand_newton, to_seconds(lease) + skew_s_);
+  const double lease_s = to_seconds(lease);
+  const double drained_joule = (lease_s + skew_s_ - kLeaseRoundingS) * drain;
+  if (drain == 0.0 || drained_joule + turning_joule(force_on_hand_newton, lease_s + skew_s_) <=
+                          credit_joule_ + kRoundingJoule) {
+    credit_joule_ -= most_joule(force_on_hand_newton, lease_s + skew_s_);
     return covered;
   }
-  const double left = std::max(0.0, credit_joule_ - turning);
-  covered.is_reduced = true;
-  covered.lease =
-      std::max(std::min(lease, hold_),
-               Duration(static_cast<std::int64_t>(1e9 * std::max(0.0, left / drain - skew_s_))));
-  covered.force_on_hand_newton *=
-      worst_hand_.largest_scale(force_on_hand_newton, left / (to_seconds(covered.lease) + skew_s_));
+  covered.is_reduced = drained_joule > credit_joule_ + kRoundingJoule;
+  const double paid = paid_s(force_on_hand_newton, credit_joule_, lease_s + skew_s_) - skew_s_;
+  covered.lease = std::max(std::min(lease, hold_),
+                           Duration(static_cast<std::int64_t>(1e9 * std::max(0.0, paid))));
+  const double acting_s = to_seconds(covered.lease) + skew_s_;
+  const double left = std::max(0.0, credit_joule_ - turning_joule(force_on_hand_newton, acting_s));
+  const double scale = worst_hand_.largest_scale(force_on_hand_newton, left / acting_s);
+  covered.is_reduced = covered.is_reduced || scale < kExact;
+  covered.force_on_hand_newton *= scale;
   covered_watt_ = worst_hand_.drain_watt(covered.force_on_hand_newton);
   credit_joule_ = std::min(credit_joule_, 0.0);  // all of it is spent; a debt stays
   return covered;

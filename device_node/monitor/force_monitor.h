@@ -135,7 +135,8 @@ class ForceMonitor {
   struct Covered {
     Vector3 force_on_hand_newton = Vector3::Zero();
     Duration lease{};
-    bool is_reduced = false;
+    bool is_reduced =
+        false;  ///< more than the turning of held currents, which no clamp knows, asks
   };
   /// The part of a command that the credit covers this tick.
   [[nodiscard]] Covered cover(const Vector3& force_on_hand_newton, Duration lease) noexcept;
@@ -144,7 +145,7 @@ class ForceMonitor {
   [[nodiscard]] double joule() const noexcept {
     return std::max({lasting_.joule(), recent_.joule(), floor_joule_});
   }
-  /// What of it covers leases: all but what the skew may cost [J].
+  /// What of it a clamp may count on, which knows neither skew nor turning [J].
   [[nodiscard]] double coverable_joule() const noexcept;
 
   /// M is at most what the hand can have put in. False: the account, or the memory that holds it,
@@ -206,6 +207,8 @@ class ForceMonitor {
     const double drain = worst_hand_.drain_watt(force_newton);
     return drain == 0.0 ? 0.0 : duration_s * drain + turning_joule(force_newton, duration_s);
   }
+  [[nodiscard]] double paid_s(const Vector3& force_newton, double joule,
+                              double most_s) const noexcept;
   [[nodiscard]] double turning_joule(const Vector3& force_newton,
                                      double duration_s) const noexcept {
     const double way_m = v_skew_m_per_s_ * duration_s;

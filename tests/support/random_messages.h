@@ -307,6 +307,7 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.ledger_excesses = random.bits();
   c.too_fast_readings = random.bits();
   c.coarse_readings = random.bits();
+  c.outside_readings = random.bits();
   c.repeated_readings = random.bits();
   c.checked_friction_ratio = random.uniform(0.0, 1.0);
   c.has_no_motor_watchdog = random.chance(0.5);
@@ -794,6 +795,7 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.late_switches == b.late_switches && a.is_monitor_off == b.is_monitor_off &&
          a.monitor_reductions == b.monitor_reductions && a.ledger_excesses == b.ledger_excesses &&
          a.too_fast_readings == b.too_fast_readings && a.coarse_readings == b.coarse_readings &&
+         a.outside_readings == b.outside_readings &&
          same(a.checked_friction_ratio, b.checked_friction_ratio) &&
          a.has_no_motor_watchdog == b.has_no_motor_watchdog &&
          a.accepts_no_motor_watchdog == b.accepts_no_motor_watchdog &&

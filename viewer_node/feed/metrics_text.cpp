@@ -162,7 +162,8 @@ void add_device(Page& page, const DeviceCounters& c) {
   page.counter("device_assumption_violations",
                "Readings that contradict an assumption of the guarantee.",
                {{label("assumption", "hand_speed"), c.too_fast_readings},
-                {label("assumption", "resolution"), c.coarse_readings}});
+                {label("assumption", "resolution"), c.coarse_readings},
+                {label("assumption", "workspace"), c.outside_readings}});
   page.gauge("device_checked_friction_ratio",
              "Friction found by the hands-off check, as a share of the profile; 0: no check.", "",
              c.checked_friction_ratio);

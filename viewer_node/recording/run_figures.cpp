@@ -47,8 +47,9 @@ void for_each_count(DeviceCounters& a, const DeviceCounters& b, const DeviceCoun
         &DeviceCounters::non_finite_commands, &DeviceCounters::late_switches,
         &DeviceCounters::monitor_reductions, &DeviceCounters::ledger_excesses,
         &DeviceCounters::too_fast_readings, &DeviceCounters::coarse_readings,
-        &DeviceCounters::dead_man_ticks, &DeviceCounters::frozen_ticks,
-        &DeviceCounters::start_up_ticks, &DeviceCounters::repeated_readings}) {
+        &DeviceCounters::outside_readings, &DeviceCounters::dead_man_ticks,
+        &DeviceCounters::frozen_ticks, &DeviceCounters::start_up_ticks,
+        &DeviceCounters::repeated_readings}) {
     visit(a.*field, b.*field, c.*field);
   }
 }

@@ -57,6 +57,7 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_monitor_reductions(c.monitor_reductions);
   to.set_too_fast_readings(c.too_fast_readings);
   to.set_coarse_readings(c.coarse_readings);
+  to.set_outside_readings(c.outside_readings);
   to.set_repeated_readings(c.repeated_readings);
   to.set_checked_friction_ratio(c.checked_friction_ratio);
   to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
@@ -108,6 +109,7 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .ledger_excesses = c.ledger_excesses(),
           .too_fast_readings = c.too_fast_readings(),
           .coarse_readings = c.coarse_readings(),
+          .outside_readings = c.outside_readings(),
           .repeated_readings = c.repeated_readings(),
           .checked_friction_ratio = c.checked_friction_ratio(),
           .checked_motor_gain = c.checked_motor_gain(),

@@ -177,6 +177,13 @@ class Judge {
                        device.coarse_readings),
            "give the true one in device.profile.position_resolution_m"});
     }
+    if (const double outside = ratio(device.outside_readings, ticks()); outside > 0.0) {
+      add({Grade::kBad, "outside_workspace",
+           percent(outside) +
+               " of the readings were outside of the device's workspace, where nothing bounds what "
+               "the currents do that its motors hold",
+           "keep the hand inside, or give a larger mount.workspace_half_extent_m", outside});
+    }
     if (const double repeated = ratio(device.repeated_readings, ticks()); repeated >= kFairRatio) {
       add({Grade::kFair, "readings_repeated",
            percent(repeated) + " of the readings had the stamp of the one before",

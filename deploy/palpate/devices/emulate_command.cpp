@@ -89,7 +89,9 @@ struct EmulateCommand {
     const Session whole = with_only_side(session.load(verbosity), side);
     const Side& emulated = whole.side();
     std::vector<device::PlannedFault> planned;
-    for (const std::string& fault : faults) planned.push_back(device::parse_fault(fault));
+    for (const std::string& fault : faults) {
+      planned.push_back(device::parse_fault(fault, device::driver_name(emulated.driver)));
+    }
     return std::visit([&](const auto& config) { return emulate(config, whole, planned); },
                       emulated.driver);
   }

@@ -37,7 +37,8 @@ class FalconDevice final : public WireDevice {
     DeviceSpecification specification = specified("Novint Falcon", config);
     specification.button_count = 4;
     specification.calibration = kHoming;
-    bound_held_force(specification, config, falcon_jacobian);
+    bound_held_force(specification, config, Vector3::Constant(FalconDelta::kCount_rad),
+                     falcon_jacobian);
     set_specification(std::move(specification));
     if (!config.firmware_file.empty()) image_ = read_falcon_image(config.firmware_file);
     connect_within(start_up, "the Falcon");

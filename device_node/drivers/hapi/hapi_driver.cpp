@@ -45,9 +45,11 @@ class HapiDevice final : public WireDevice {
         config.encoder_offsets_deg[0], config.encoder_offsets_deg[1]);
     specification.calibration = text.data();
     specification.answers_uncalibrated = false;
-    bound_held_force(specification, config, [this](const Vector3& handle_m) {
-      return hapi_jacobian(links_, links_.angles_rad(handle_m.head<2>()));
-    });
+    const double count_rad = 2.0 * std::numbers::pi / config.encoder_resolution;
+    bound_held_force(specification, config, {count_rad, count_rad, 0.0},
+                     [this](const Vector3& handle_m) {
+                       return hapi_jacobian(links_, links_.angles_rad(handle_m.head<2>()));
+                     });
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
   }

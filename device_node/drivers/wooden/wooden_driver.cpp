@@ -69,10 +69,11 @@ class WoodenDevice final : public WireDevice {
     DeviceSpecification specification = specified("WoodenHaptics", config);
     specification.button_count = 1;
     specification.calibration = kCalibration;
-    bound_held_force(specification, config, [this](const Vector3& handle_m) {
-      const std::optional<Vector3> angles_rad = drive_.arm.angles_rad(handle_m);
-      return angles_rad ? drive_.arm.jacobian(*angles_rad) : std::nullopt;
-    });
+    bound_held_force(specification, config, drive_.rad_per_count.cwiseAbs(),
+                     [this](const Vector3& handle_m) {
+                       const std::optional<Vector3> angles_rad = drive_.arm.angles_rad(handle_m);
+                       return angles_rad ? drive_.arm.jacobian(*angles_rad) : std::nullopt;
+                     });
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
     if (config.is_calibrated) return;  // calibrate() looks whether it is

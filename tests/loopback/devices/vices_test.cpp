@@ -103,6 +103,24 @@ TEST(VicesTwin, SimpleBooksAreFarAboveTheTruthAfterStalls) {
             5e-3);
 }
 
+// A command may name a lease that is over long before the next message; nobody ends it then.
+VicedRun of_short_leases(std::uint64_t seed) {
+  VicedRun run;
+  run.vices.watchdog = device::HardwareVices::kNever;
+  run.has_short_leases = true;
+  run.turning_per_m = seed % 2 == 0 ? 15.0 : 0.0;
+  return run;
+}
+
+TEST(Vices, ALeaseShorterThanThePeriodIsPaidUntilTheNextMessage) {
+  const Worst worst = all_runs("short leases", 40, Books::kTrue, of_short_leases,
+                               [](const VicedResult& result, std::uint64_t seed) {
+                                 EXPECT_GE(result.least_true_joule, -kRoundingJoule)
+                                     << "seed=" << seed;
+                               });
+  EXPECT_GT(worst.pushed, 200U) << "forces act at all";
+}
+
 constexpr auto kIsBooked = [](const VicedResult& result, std::uint64_t seed) {
   EXPECT_LE(result.most_unbooked_joule, kRoundingJoule) << "seed=" << seed;
 };

@@ -209,7 +209,9 @@ VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
     if (silent_ticks > 0) {
       --silent_ticks;
     } else if (run.steady_newton != 0.0 || random.chance(0.98)) {
-      bench.send_answer(state.header.session_id, state.header.sequence, command);
+      if (run.has_short_leases) bench.begins_within = from_seconds(random.uniform(0.0, 1e-3));
+      bench.send_answer(state.header.session_id, state.header.sequence, command,
+                        run.has_short_leases ? from_seconds(random.uniform(1e-5, 10e-3)) : 1h);
     }
   };
   const TimePoint end = TimePoint(from_seconds(run.seconds));
@@ -285,6 +287,7 @@ VicedRun random_run_within_the_claim(std::uint64_t seed) {
   if (random.chance(0.3)) run.drops_per_message = random.uniform(1e-4, 3e-3);
   run.has_dead_man_button = random.chance(0.3);
   if (random.chance(0.5)) run.silences_per_tick = random.uniform(1e-3, 2e-2);
+  run.has_short_leases = random.chance(0.5);
   return run;
 }
 

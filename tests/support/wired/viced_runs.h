@@ -39,6 +39,8 @@ struct VicedRun {
   Duration longest_sleep{};
   /// mofc_node falls silent this often per tick, for up to 100 ms: the fallback acts.
   double silences_per_tick = 0.0;
+  /// Commands have leases of 0.01 to 10 ms and deadlines of their own; else leases without end.
+  bool has_short_leases = false;
   /// The session has a dead-man button; the hand holds it most of the time, and the grip that has
   /// it vanishes now and then.
   bool has_dead_man_button = false;

@@ -1342,6 +1342,11 @@ TEST(FrictionLimit, NamesWhatHoldsTheForceAndWhatToDo) {
 
   config.accepts_no_motor_watchdog = true;
   EXPECT_FALSE(friction_limit(config, specification, "hapi"));
+  specification.held_force_ratio = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(friction_limit(config, specification, "plugin")) << "unknown, and accepted";
+  specification.turning_per_m = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(limit("hapi").newton, 0.0) << "nobody can accept a singular place";
+  EXPECT_EQ(largest_force_newton(config, specification), 0.0);
 }
 
 // The lease ended at 2 ms, the next reading is at 7 ms: mofc_node finds a gap, and the force ends.

@@ -46,6 +46,21 @@ TEST(ForceGuard, GivesNoForceBeforeTheFirstAnswer) {
   EXPECT_EQ(out.force_on_hand_newton.norm(), 0.0);
 }
 
+// Motors that nobody ends hold a force until the next message, whatever lease a command names.
+TEST(ForceGuard, GivesNoLeaseThatEndsBeforeTheNextMessageWhereNobodyEndsIt) {
+  DeviceConfig longer = config();
+  longer.longest_lease = 10ms;
+  ForceGuard guard(longer, kDevicePeak_newton, false);
+
+  EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0), 100us), kStart, Vector3::Zero()).lease,
+            Duration(2ms));
+  EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0), 5ms), kStart, Vector3::Zero()).lease,
+            Duration(5ms));
+  EXPECT_EQ(
+      guard.answered(command(Vector3(1, 0, 0), 0us), kStart, Vector3::Zero()).force_on_hand_newton,
+      Vector3(0, 0, 0));
+}
+
 TEST(ForceGuard, PassesAnAnswerOnWithItsLease) {
   GuardedMotors guard(config(), kDevicePeak_newton);
 

@@ -316,6 +316,48 @@ TEST_F(MonitorWith1100MicroJoule, ChargesWhatTheMotorsRoundUp) {
   EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + 0.575e-3 / 2e-3 / 0.5, 1e-9);
 }
 
+// κ = 36 /m: a clamp knows the drain only, and with what it may count on it is never reduced. A
+// lease in which the arm turns too far becomes shorter, which is no fault of the clamp.
+TEST(Monitor, AClampIsNotReducedForWhatHeldCurrentsDo) {
+  DeviceConfig config = exact_config();
+  config.peak_force_newton = 3.0;
+  Random random(3);
+  const WorstHand hand(config.profile, config.monitor.v_max_m_per_s);
+  int shortened = 0;
+  for (int i = 0; i < 1000; ++i) {
+    ForceMonitor monitor(config, {.turning_per_m = 36.0});
+    TimePoint now{};
+    Vector3 hand_m = Vector3::Zero();
+    monitor.read(now, hand_m);
+    const std::uint64_t ticks = 20 + random.below(300);
+    for (std::uint64_t tick = 0; tick < ticks; ++tick) {
+      hand_m.x() += 1e-4;
+      monitor.read(now += 1ms, hand_m);
+    }
+    const Vector3 acting_newton = random.uniform(0.0, 1.0) * random.direction();
+    monitor.switched(now, hand_m, acting_newton, 2ms);
+    monitor.read(now, hand_m);
+    const Duration within = from_seconds(random.uniform(1e-4, 5e-4));
+    const double free_joule =
+        monitor.coverable_joule() - to_seconds(within) * hand.drain_watt(acting_newton);
+    monitor.begins_within(within);
+    Vector3 force_newton = 3.0 * random.direction();
+    force_newton *= hand.largest_scale(force_newton, std::max(0.0, free_joule) / 2e-3);
+    const double drain = hand.drain_watt(force_newton);
+    const Duration lease =
+        drain > 0.0 ? std::clamp(from_seconds(free_joule / drain), Duration(2ms), Duration(10ms))
+                    : Duration(10ms);
+
+    const auto covered = monitor.cover(force_newton, lease);
+
+    EXPECT_FALSE(covered.is_reduced) << i;
+    EXPECT_LT((covered.force_on_hand_newton - force_newton).norm(), 1e-9) << i;
+    EXPECT_GE(covered.lease, 2ms) << i;
+    shortened += covered.lease < lease ? 1 : 0;
+  }
+  EXPECT_GT(shortened, 50);
+}
+
 // Friction absorbs 0.1 N itself, but not what held currents do more as the arm turns.
 TEST_F(MonitorWith1100MicroJoule, FallsByWhatHeldCurrentsDidMore) {
   const double joule = monitor_.joule();

@@ -344,6 +344,20 @@ TEST(HapiDriver, AWorkspaceThatEndsAtAStretchedArmHasNoBoundOfHeldCurrents) {
   const auto device = open_hapi(config, clock, {});
   ASSERT_TRUE(device->calibrate());
   EXPECT_EQ(device->specification().held_force_ratio, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(device->specification().turning_per_m, std::numeric_limits<double>::infinity());
+}
+
+// 3.557 was found by a search of all pairs, and the worst pair lies between the places of any grid.
+TEST(HapiDriver, TheWorstPairOfPlacesIsClimbedTo) {
+  const ManualClock clock;
+  const EmulatedHapi emulated(clock);
+  HapiConfig config = emulated.config();
+  config.origin_m = Vector3(0.0099, 0.0462, 0.0);
+  config.workspace_half_extent_m = Vector3(0.0383, 0.001, 0.0198);
+  const auto device = open_hapi(config, clock, {});
+  ASSERT_TRUE(device->calibrate());
+  EXPECT_GE(device->specification().held_force_ratio, 3.557);
+  EXPECT_LE(device->specification().held_force_ratio, 3.7);
 }
 
 // The fold of an arm is a hole of 20 mm around its motor, between places 25 and 32 mm apart.

@@ -379,14 +379,16 @@ TEST(HaplyDriver, WithoutAServiceThereIsAnErrorThatSaysSo) {
 }
 
 TEST(EmulatedFaults, AreReadFromTheCommandLine) {
-  const PlannedFault fault = parse_fault("wrong_id@2.5:500");
+  const PlannedFault fault = parse_fault("wrong_id@2.5:500", "haply_inverse");
   EXPECT_EQ(fault.kind, WireFault::kWrongId);
   EXPECT_EQ(fault.from_s, 2.5);
   EXPECT_EQ(fault.length_s, 0.5);
   for (const char* bad :
        {"", "stuck", "stuck@1", "stuck:5@1", "broken@1:5", "stuck@-1:5", "stuck@1:5x"}) {
-    EXPECT_THROW(static_cast<void>(parse_fault(bad)), SetupError) << bad;
+    EXPECT_THROW(static_cast<void>(parse_fault(bad, "haply_inverse")), SetupError) << bad;
   }
+  EXPECT_NO_THROW(static_cast<void>(parse_fault("turning@1:5", "hapi")));
+  EXPECT_THROW(static_cast<void>(parse_fault("turning@1:5", "haply_inverse")), SetupError);
 }
 
 std::unique_ptr<DeviceBench> open_emulated_haply() {

@@ -188,6 +188,20 @@ TEST(UnlikelyFriction, OfMoreThanAQuarterOfThePeakForceIsRefused) {
                                  testing::HasSubstr("palpate identify"))));
 }
 
+TEST(FinerResolution, ThanTheStepsOfTheEncodersIsRefused) {
+  DeviceConfig config = monitored_config();
+  DeviceSpecification arm{.model_name = "arm", .position_resolution_m = 113.7e-6};
+  config.profile.position_resolution_m = 113.7e-6;
+  EXPECT_NO_THROW(refuse_finer_resolution(config, arm));
+  config.profile.position_resolution_m = 110e-6;
+  EXPECT_THAT([&] { refuse_finer_resolution(config, arm); },
+              testing::ThrowsMessage<SetupError>(testing::AllOf(
+                  testing::HasSubstr("device.profile.position_resolution_m: 110 µm"),
+                  testing::HasSubstr("up to 113.7 µm"), testing::HasSubstr("give 114e-6"))));
+  arm.is_simulated = true;
+  EXPECT_NO_THROW(refuse_finer_resolution(config, arm));
+}
+
 TEST(DeadMan, AButtonThatTheDeviceDoesNotHaveIsRefused) {
   DeviceConfig config = monitored_config();
   const DeviceSpecification device{.model_name = "arm", .button_count = 2};

@@ -145,11 +145,13 @@ TEST_F(EventLogTest, TellsWhatTheMonitorReducedAndWhichAssumptionsReadingsContra
   counters.monitor_reductions = 1;
   counters.too_fast_readings = 2;
   counters.coarse_readings = 3;
+  counters.outside_readings = 4;
   events.note(counters, at(milliseconds(0)));
   EXPECT_EQ(lines(),
             "error event=monitor_reduced count=1\n"
             "warning event=hand_faster_than_assumed count=2\n"
-            "warning event=encoder_coarser_than_profile count=3\n");
+            "warning event=encoder_coarser_than_profile count=3\n"
+            "warning event=hand_outside_workspace count=4\n");
 }
 
 TEST_F(EventLogTest, AnAnswerAheadIsAWarningWithItsLink) {

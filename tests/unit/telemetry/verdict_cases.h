@@ -201,6 +201,8 @@ inline std::vector<VerdictCase> verdict_cases() {
        }},
       {"a coarser encoder than the profile's", "encoder_coarse", "position_resolution_m", "bad",
        [](TroubledRun& run) { run.device.coarse_readings = 5; }},
+      {"a hand outside of a bounded workspace", "outside_workspace", "workspace_half_extent_m",
+       "bad", [](TroubledRun& run) { run.device.outside_readings = 5; }},
       {"a restarted device", "device_restarted", "log", "bad",
        [](TroubledRun& run) {
          run.is_device_restarted = true;
