@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 
 namespace palpate::device {
 
@@ -37,20 +36,6 @@ FaultReason reason_of(DeviceError error, FaultReason otherwise) {
   return otherwise;
 }
 
-/// Where something bounds what the currents do that the motors hold.
-Vector3 bounded_reach_m(const DeviceSpecification& specification) {
-  const bool are_held = specification.held_force_ratio > 1.0 || specification.turning_per_m > 0.0;
-  return are_held ? specification.workspace_half_extent_m
-                  : Vector3::Constant(std::numeric_limits<double>::infinity());
-}
-
-/// The answer may begin to act until then.
-TimePoint due_of(const ForceCommand& answer, TimePoint read_at, TimePoint deadline) {
-  return answer.begins_within > Duration::zero()
-             ? std::min(deadline, read_at + answer.begins_within)
-             : deadline;
-}
-
 }  // namespace
 
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
@@ -77,7 +62,7 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
                                                   ? device.specification().turning_per_m
                                                   : 0.0}),  // no force then
                journal),
-      watch_(config, bounded_reach_m(device.specification())),
+      watch_(config, device.specification()),
       frozen_(config),
       measured_(config),
       motor_check_({.rate_hz = config.rate_hz,
@@ -203,7 +188,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   }
   const TimePoint now = clock_.now();
   const TimePoint due =
-      answer != nullptr ? due_of(answer->value, sample.sampled_at, deadline) : deadline;
+      answer != nullptr ? latest_beginning(answer->value, sample.sampled_at, deadline) : deadline;
   // a slow device counts as silence
   record.is_answered =
       answer != nullptr && now <= due && slow_switches_ < kSlowSwitches && has_consent;

@@ -23,6 +23,15 @@ struct GuardedForce {
   bool is_switch = true;
 };
 
+/// @param deadline  of the tick
+/// @return          an answer to the reading at `read_at` begins to act by then, or not at all
+[[nodiscard]] inline TimePoint latest_beginning(const ForceCommand& answer, TimePoint read_at,
+                                                TimePoint deadline) noexcept {
+  return answer.begins_within > Duration::zero()
+             ? std::min(deadline, read_at + answer.begins_within)
+             : deadline;
+}
+
 /// docs/theory.md §3, in this order:
 ///
 ///   before the first answer          no force                                     kLimp
