@@ -444,6 +444,7 @@ TaskState TaskEvaluator::state() const {
   } else {
     state.elapsed_s = score_.time_s;
   }
+  state.is_started_by_person = task_.is_started_by_person;
   state.marks = static_cast<std::uint32_t>(score_.marks.size());
   if (phase_ == TaskState::Phase::kRunning) state.marks += notes_waiting_;
   if (traction_) state.traction = traction_->state();
