@@ -433,6 +433,26 @@ TaskMap TaskEvaluator::map() const {
   return map;
 }
 
+/// With the ticks that still wait for late marks, which change nothing of it.
+Traction TaskEvaluator::newest_traction() const {
+  Traction newest = *traction_;
+  if (has_ended()) return newest;
+  const Sample* before = last_ ? &*last_ : nullptr;
+  for (const Sample& sample : pending_) {
+    if (before != nullptr && before->session_id != sample.session_id) newest.reset();
+    newest.follow(sample.grip, sample.tip_m);
+    const double time_s = sample.t_s - begin_s_;
+    if (task_.time_s && time_s >= *task_.time_s) break;
+    const bool follows = before != nullptr && before->session_id == sample.session_id &&
+                         sample.sequence == before->sequence + 1;
+    if (phase_ == TaskState::Phase::kRunning) {
+      newest.count(time_s, sample.newton, follows ? sample.t_s - before->t_s : period_s_);
+    }
+    before = &sample;
+  }
+  return newest;
+}
+
 TaskState TaskEvaluator::state() const {
   TaskState state{.phase = phase_,
                   .briefing = task_.briefing,
@@ -447,7 +467,7 @@ TaskState TaskEvaluator::state() const {
   state.is_started_by_person = task_.is_started_by_person;
   state.marks = static_cast<std::uint32_t>(score_.marks.size());
   if (phase_ == TaskState::Phase::kRunning) state.marks += notes_waiting_;
-  if (traction_) state.traction = traction_->state();
+  if (traction_) state.traction = newest_traction().state();
   if (!has_ended()) return state;
   state.findings = findings_of(score_);
   state.figures = figures_of(score_);

@@ -61,7 +61,7 @@ class TaskEvaluator {
   [[nodiscard]] bool has_ended() const { return phase_ == TaskState::Phase::kEnded; }
   /// Complete after the end.
   [[nodiscard]] const TaskScore& score() const { return score_; }
-  /// For a page.
+  /// For a page: up to the newest tick, but for the score.
   [[nodiscard]] TaskState state() const;
   /// Whether a part of the surface is to be searched, and where that is.
   [[nodiscard]] bool knows_area() const;
@@ -106,6 +106,7 @@ class TaskEvaluator {
   [[nodiscard]] const std::optional<SearchedSurface::Foot>& foot_of(const Vector3& tip_m);
   void judge_force(double newton, double elapsed_s);
   void complete_score();
+  [[nodiscard]] Traction newest_traction() const;
 
   /// Null: nothing is looked for.
   [[nodiscard]] const PalpationTask* palpation() const { return task_.palpation(); }
