@@ -99,8 +99,8 @@ TEST(KnownAnswers, TheCoverageOfAnAreaThatIsSmallAgainstAPress) {
 }
 
 // A press 25 mm beside the middle of an area of 10 × 10 mm with a radius of 25 mm: the arc covers
-// ∫ √(r² − y²) − (r − a/2) dy over the height a, as r² asin(a/2r) + (a/2)√(r² − a²/4) − a (r −
-// a/2).
+// ∫ √(r² − y²) − (r − a/2) dy over the height a,
+// r² asin(a/2r) + (a/2)√(r² − a²/4) − a (r − a/2).
 TEST(KnownAnswers, TheCoverageOfTheRimOfALargePress) {
   constexpr double kSide_m = 0.01;
   constexpr double kPress_m = 0.025;
