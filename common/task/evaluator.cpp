@@ -15,6 +15,8 @@ constexpr double kMarkMemory_s = 3.0;  // a mark is where the tip has touched la
 constexpr double kGap_s = 0.1;         // of the telemetry: what the hand did in it is not known
 constexpr double kFar_m = 0.1;         // of a tip from the surface at rest
 constexpr double kSameFoot_m = 1e-4;   // a smaller motion has the same place on the surface
+constexpr double kFarthestMove_m =
+    0.02;  // of a tip between two ticks: what lies between is missing
 
 constexpr double kDepthBin_m = 2e-5;
 constexpr std::size_t kDepthBins = 5'000;
@@ -145,6 +147,7 @@ void TaskEvaluator::process(const Sample& sample) {
   const double gap_s = last_ ? std::abs(sample.t_s - last_->t_s)
                              : static_cast<double>(sample.sequence) * period_from(sample);
   if (gap_s > kGap_s) gap_end_s_ = sample.t_s;
+  follow_foot(sample);
   apply_markers(sample);
   if (phase_ != TaskState::Phase::kRunning) {
     last_ = sample;
@@ -264,22 +267,37 @@ void TaskEvaluator::end(TaskScore::End how) {
   complete_score();
 }
 
-const std::optional<SearchedSurface::Foot>& TaskEvaluator::foot_of(const Vector3& tip_m) {
-  if (!((tip_m - foot_tip_m_).norm() < kSameFoot_m)) {
-    foot_tip_m_ = tip_m;
-    foot_ = surface_->foot_of(tip_m, kFar_m);
+/// Where the tip is on the surface; none: it is free. Of a tip whose centre is outside that is the
+/// nearest place. One that is pressed in stays on the side on which it went in, although another
+/// may be nearer.
+void TaskEvaluator::follow_foot(const Sample& sample) {
+  if (!surface_) return;
+  const bool is_touch = sample.newton >= kTouch_newton;
+  const double moved_m = (sample.tip_m - foot_tip_m_).norm();  // NaN: it was not followed
+  const bool is_inside = foot_ && foot_->normal.dot(sample.tip_m - foot_->point_m) < 0.0;
+  if (foot_ && (is_touch || is_inside) && moved_m < kSameFoot_m) return;
+  if (is_inside && moved_m < kFarthestMove_m) {
+    foot_ = surface_->followed(*foot_, sample.tip_m);
+  } else {
+    foot_ = is_touch ? surface_->foot_of(sample.tip_m, kFar_m) : std::nullopt;
   }
-  return foot_;
+  foot_tip_m_ = sample.tip_m;
+}
+
+double TaskEvaluator::depth_m(const SearchedSurface::Foot& foot, const Vector3& tip_m) const {
+  const Vector3 from_foot_m = tip_m - foot.point_m;
+  const double height_m = foot.normal.dot(from_foot_m);
+  // beside an edge the nearest place is not below
+  return std::max(0.0, tool_.tip_radius_m - (height_m > 0.0 ? from_foot_m.norm() : height_m));
 }
 
 /// @param elapsed_s  that the tick stands for
 void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
   forces_.add(sample.newton, elapsed_s);
-  if (!surface_) return;
-  const auto& foot = foot_of(sample.tip_m);
-  if (!foot) return;
+  if (!foot_) return;
+  const auto& foot = foot_;
   touch_ = Touch{sample.t_s, *foot};
-  depths_.add(std::max(0.0, tool_.tip_radius_m - foot->normal.dot(sample.tip_m - foot->point_m)));
+  depths_.add(depth_m(*foot, sample.tip_m));
   const bool is_elsewhere_now = !((foot->point_m - searched_m_).norm() < kSameFoot_m);
   if (sample.newton >= palpation()->least_force_newton && is_elsewhere_now) {
     surface_->search(foot->point_m);
@@ -433,6 +451,26 @@ TaskMap TaskEvaluator::map() const {
   return map;
 }
 
+/// With the ticks that still wait for late marks, which change nothing of it.
+Traction TaskEvaluator::newest_traction() const {
+  Traction newest = *traction_;
+  if (has_ended()) return newest;
+  const Sample* before = last_ ? &*last_ : nullptr;
+  for (const Sample& sample : pending_) {
+    if (before != nullptr && before->session_id != sample.session_id) newest.reset();
+    newest.follow(sample.grip, sample.tip_m);
+    const double time_s = sample.t_s - begin_s_;
+    if (task_.time_s && time_s >= *task_.time_s) break;
+    const bool follows = before != nullptr && before->session_id == sample.session_id &&
+                         sample.sequence == before->sequence + 1;
+    if (phase_ == TaskState::Phase::kRunning) {
+      newest.count(time_s, sample.newton, follows ? sample.t_s - before->t_s : period_s_);
+    }
+    before = &sample;
+  }
+  return newest;
+}
+
 TaskState TaskEvaluator::state() const {
   TaskState state{.phase = phase_,
                   .briefing = task_.briefing,
@@ -444,9 +482,10 @@ TaskState TaskEvaluator::state() const {
   } else {
     state.elapsed_s = score_.time_s;
   }
+  state.is_started_by_person = task_.is_started_by_person;
   state.marks = static_cast<std::uint32_t>(score_.marks.size());
   if (phase_ == TaskState::Phase::kRunning) state.marks += notes_waiting_;
-  if (traction_) state.traction = traction_->state();
+  if (traction_) state.traction = newest_traction().state();
   if (!has_ended()) return state;
   state.findings = findings_of(score_);
   state.figures = figures_of(score_);

@@ -61,7 +61,7 @@ class TaskEvaluator {
   [[nodiscard]] bool has_ended() const { return phase_ == TaskState::Phase::kEnded; }
   /// Complete after the end.
   [[nodiscard]] const TaskScore& score() const { return score_; }
-  /// For a page.
+  /// For a page: up to the newest tick, but for the score.
   [[nodiscard]] TaskState state() const;
   /// Whether a part of the surface is to be searched, and where that is.
   [[nodiscard]] bool knows_area() const;
@@ -103,9 +103,11 @@ class TaskEvaluator {
   void mark_find(MarkScore& mark, double t_s);
   void mark_loss_of_resistance(MarkScore& mark);
   void press(const Sample& sample, double elapsed_s);
-  [[nodiscard]] const std::optional<SearchedSurface::Foot>& foot_of(const Vector3& tip_m);
+  void follow_foot(const Sample& sample);
+  [[nodiscard]] double depth_m(const SearchedSurface::Foot& foot, const Vector3& tip_m) const;
   void judge_force(double newton, double elapsed_s);
   void complete_score();
+  [[nodiscard]] Traction newest_traction() const;
 
   /// Null: nothing is looked for.
   [[nodiscard]] const PalpationTask* palpation() const { return task_.palpation(); }
@@ -140,7 +142,7 @@ class TaskEvaluator {
   std::optional<Touch> touch_;    // newest
   double gap_end_s_ = kNotKnown;  // of the newest gap in the telemetry
   Vector3 foot_tip_m_ = Vector3::Constant(kNotKnown);
-  std::optional<SearchedSurface::Foot> foot_;          // of a tip at foot_tip_m_
+  std::optional<SearchedSurface::Foot> foot_;          // of a tip at foot_tip_m_; none: it is free
   Vector3 searched_m_ = Vector3::Constant(kNotKnown);  // newest place that was searched
 };
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <variant>
 
 namespace palpate {
 namespace {
@@ -11,8 +12,15 @@ namespace {
 using Corners = std::array<Vector3, 3>;
 
 constexpr double kPointsPerRadius = 24.0;
-constexpr double kPointsOutside = 6.0;  // of the area: only to know where a tip is
+constexpr double kPointsAcross = 100.0;  // of a square as large as the area: its rim costs 0.1 %
+constexpr double kPiecesAcross = 16.0;
+constexpr double kMostAcrossCell = 32.0;  // points
+constexpr double kPointsOutside = 6.0;    // of the area: only to know where a tip is
 constexpr std::size_t kMostOutside = 100'000;
+// Of points at random, one in each piece, one within 3 spacings is nearer to any place beyond 2.
+constexpr double kNeighbourSpacings = 3.0;
+constexpr double kSameSide = 0.5;      // cosine between the normals
+constexpr double kAroundEdge = -0.5;   // likewise, to a side that the tip is outside of
 constexpr double kFarthestCell = 1e9;  // differences fit 32 bits
 
 double area_of(const Corners& triangle) {
@@ -42,6 +50,24 @@ bool is_near(const std::optional<RegionGeometry>& area, const Corners& piece) {
          contains(*area, piece[2]);
 }
 
+double near_area(const std::vector<Corners>& triangles, double spacing_m,
+                 const std::optional<RegionGeometry>& area) {
+  double near_m2 = 0.0;
+  for (const Corners& triangle : triangles) {
+    for_pieces(triangle, spacing_m, [&](const Corners& piece) {
+      if (is_near(area, piece)) near_m2 += area_of(piece);
+    });
+  }
+  return near_m2;
+}
+
+constexpr double kNowhere_m = 1e9;
+
+bool is_nowhere(const RegionGeometry& area) {
+  const auto* sphere = std::get_if<SphereGeometry>(&area);
+  return sphere != nullptr && sphere->center_m.x() == kNowhere_m;
+}
+
 /// Uniform in [0, 1), always the same for the same number [splitmix64].
 double uniform(std::uint64_t number) {
   std::uint64_t z = (number + 1) * 0x9E3779B97F4A7C15U;
@@ -66,18 +92,13 @@ SearchedSurface::SearchedSurface(const SurfaceMesh& mesh, const std::optional<Re
     normals_.push_back(normal.normalized());
     whole_m2 += 0.5 * normal.norm();
   }
-  const auto spacing_of = [&](double points_per_radius, double m2, std::size_t most) {
-    return std::max(radius_m / points_per_radius, std::sqrt(m2 / static_cast<double>(most)));
-  };
-  coarse_m_ = spacing_of(kPointsOutside, whole_m2, kMostOutside);
-  double near_m2 = 0.0;
-  for (const Corners& triangle : triangles) {
-    for_pieces(triangle, coarse_m_, [&](const Corners& piece) {
-      if (is_near(area, piece)) near_m2 += area_of(piece);
-    });
-  }
-  spacing_m_ = spacing_of(kPointsPerRadius, near_m2, kMostPoints);
-  cell_m_ = std::max(radius_m, 3.0 * spacing_m_);
+  coarse_m_ = coarse_spacing(triangles, whole_m2, area);
+  const double near_m2 = near_area(triangles, coarse_m_, area);
+  spacing_m_ = std::min(radius_m / kPointsPerRadius,
+                        near_m2 > 0.0 ? std::sqrt(near_m2) / kPointsAcross : coarse_m_);
+  spacing_m_ = std::max(spacing_m_, std::sqrt(near_m2 / static_cast<double>(kMostPoints)));
+  slide_m_ = kNeighbourSpacings * (area ? coarse_m_ : spacing_m_);
+  cell_m_ = std::clamp(radius_m, 3.0 * spacing_m_, kMostAcrossCell * spacing_m_);
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     for_pieces(triangles[i], coarse_m_, [&](const Corners& piece) {
       const double spacing_m = is_near(area, piece) ? spacing_m_ : coarse_m_;
@@ -88,8 +109,21 @@ SearchedSurface::SearchedSurface(const SurfaceMesh& mesh, const std::optional<Re
   sort_into_cells();
 }
 
+/// Of the points outside the area, and of the pieces that are told to be in it or not.
+double SearchedSurface::coarse_spacing(const std::vector<Corners>& triangles, double whole_m2,
+                                       const std::optional<RegionGeometry>& area) const {
+  const double least_m = std::sqrt(whole_m2 / static_cast<double>(kMostOutside));
+  const double most_m = std::max(radius_m_ / kPointsOutside, least_m);
+  if (!area || is_nowhere(*area)) return most_m;
+  // a small area may lie between the corners of large pieces
+  for (double coarse_m = most_m; coarse_m > least_m; coarse_m *= 0.5) {
+    const double near_m2 = near_area(triangles, coarse_m, area);
+    if (coarse_m <= std::sqrt(near_m2) / kPiecesAcross) return coarse_m;
+  }
+  return near_area(triangles, least_m, area) > 0.0 ? least_m : most_m;
+}
+
 SearchedSurface SearchedSurface::of_no_area(const SurfaceMesh& mesh, double radius_m) {
-  constexpr double kNowhere_m = 1e9;
   return {mesh, SphereGeometry{.center_m = Vector3::Constant(kNowhere_m), .radius_m = 0.0},
           radius_m};
 }
@@ -181,13 +215,58 @@ std::optional<SearchedSurface::Foot> SearchedSurface::foot_of(const Vector3& pla
     });
   }
   if (nearest == nullptr) return std::nullopt;
-  const Vector3 point_m = nearest->place_m.cast<double>();
-  const Vector3& normal = normals_[nearest->triangle];
+  return foot_at(static_cast<std::uint32_t>(nearest - points_.data()), place_m);
+}
+
+SearchedSurface::Foot SearchedSurface::foot_at(std::uint32_t nearest,
+                                               const Vector3& place_m) const {
+  const Point& point = points_[nearest];
+  const Vector3 point_m = point.place_m.cast<double>();
+  const Vector3& normal = normals_[point.triangle];
   const Vector3 foot_m = place_m - normal.dot(place_m - point_m) * normal;
   // beside an edge the plane of the nearest point goes on where the surface does not
-  const double spacing_m = nearest->area_m2 > 0.0F ? spacing_m_ : coarse_m_;
+  const double spacing_m = point.area_m2 > 0.0F ? spacing_m_ : coarse_m_;
   const bool is_beside = (foot_m - point_m).norm() > 2.0 * spacing_m;
-  return Foot{is_beside ? point_m : foot_m, normal};
+  return Foot{.point_m = is_beside ? point_m : foot_m, .normal = normal, .nearest = nearest};
+}
+
+SearchedSurface::Foot SearchedSurface::followed(const Foot& last, const Vector3& place_m) const {
+  std::uint32_t at = last.nearest;
+  for (;;) {
+    const std::uint32_t next = nearer_neighbour(at, place_m);
+    if (next == at) return foot_at(at, place_m);
+    at = next;
+  }
+}
+
+/// Of the points near one that the foot may slide to that which is nearest to the place.
+std::uint32_t SearchedSurface::nearer_neighbour(std::uint32_t at, const Vector3& place_m) const {
+  const Vector3 from_m = points_[at].place_m.cast<double>();
+  const Vector3& normal = normals_[points_[at].triangle];
+  double least2 = (from_m - place_m).squaredNorm();
+  const Cell first = cell_of(from_m - Vector3::Constant(slide_m_));
+  const Cell last = cell_of(from_m + Vector3::Constant(slide_m_));
+  const auto visit = [&](std::uint32_t i) {
+    const Vector3 point_m = points_[i].place_m.cast<double>();
+    const double distance2 = (point_m - place_m).squaredNorm();
+    if (!(distance2 < least2) || (point_m - from_m).squaredNorm() > slide_m_ * slide_m_) return;
+    const Vector3& other = normals_[points_[i].triangle];
+    const double agreement = normal.dot(other);
+    const bool is_outside = other.dot(place_m - point_m) >= 0.0;
+    if (agreement < (is_outside ? kAroundEdge : kSameSide)) return;
+    least2 = distance2;
+    at = i;
+  };
+  for (std::int32_t x = first[0]; x <= last[0]; ++x) {
+    for (std::int32_t y = first[1]; y <= last[1]; ++y) {
+      for (std::int32_t z = first[2]; z <= last[2]; ++z) {
+        const auto cell = cells_.find({x, y, z});
+        if (cell == cells_.end()) continue;
+        for (std::uint32_t i = cell->second.first; i < cell->second.second; ++i) visit(i);
+      }
+    }
+  }
+  return at;
 }
 
 TaskMap SearchedSurface::map(std::size_t most) const {
@@ -207,7 +286,8 @@ TaskMap SearchedSurface::map(std::size_t most) const {
 
 void SearchedSurface::search(const Vector3& place_m) {
   const Cell middle = cell_of(place_m);
-  for (std::int32_t shell = 0; shell <= 1; ++shell) {
+  const auto last = static_cast<std::int32_t>(std::ceil(radius_m_ / cell_m_));
+  for (std::int32_t shell = 0; shell <= last; ++shell) {
     for_shell(middle, shell, [&](std::uint32_t i) {
       Point& point = points_[i];
       if (point.is_searched || point.area_m2 == 0.0F) return;

@@ -25,8 +25,9 @@ class SearchedSurface {
   static constexpr std::size_t kMostPoints = 600'000;
 
   /// One point in each piece of the triangles, at a place of the piece that is random and always
-  /// the same: no direction of a path is favoured. They are about a 24th of `radius_m` apart, more
-  /// where that would be more points than kMostPoints, and fewer outside the area.
+  /// the same: no direction of a path is favoured. They are a 24th of `radius_m` apart, a 100th of
+  /// the root of the area if that is less, more where that would be more points than kMostPoints,
+  /// and fewer outside the area.
   /// @param mesh      with triangles; without, the surface has no points
   /// @param area      what is to be searched; never a MeshTag; none: all
   /// @param radius_m  of a press, > 0
@@ -42,9 +43,15 @@ class SearchedSurface {
   struct Foot {
     Vector3 point_m = Vector3::Zero();
     Vector3 normal = Vector3::UnitZ();  ///< out of the tissue
+    std::uint32_t nearest = 0;          ///< of the sampled points
   };
   /// The foot of the perpendicular from there on the surface: nearest, within `within_m`.
   [[nodiscard]] std::optional<Foot> foot_of(const Vector3& place_m, double within_m) const;
+  /// Where the foot of a tip that stays in touch is now: it slides on the surface to where that is
+  /// nearest, from place to place, and passes around an edge only to a side that the tip is outside
+  /// of. So it does not jump through thin tissue, nor to a side wall that is nearer.
+  /// @param last  of this surface
+  [[nodiscard]] Foot followed(const Foot& last, const Vector3& place_m) const;
 
   /// Everything within `radius_m` of the place is searched.
   void search(const Vector3& place_m);
@@ -77,6 +84,11 @@ class SearchedSurface {
               const std::optional<RegionGeometry>& area);
   void sort_into_cells();
   [[nodiscard]] Cell cell_of(const Vector3& place_m) const;
+  [[nodiscard]] double coarse_spacing(const std::vector<std::array<Vector3, 3>>& triangles,
+                                      double whole_m2,
+                                      const std::optional<RegionGeometry>& area) const;
+  [[nodiscard]] Foot foot_at(std::uint32_t nearest, const Vector3& place_m) const;
+  [[nodiscard]] std::uint32_t nearer_neighbour(std::uint32_t at, const Vector3& place_m) const;
   /// Calls visit(index of a point) for the points of the cells at this distance from the cell.
   template <class Visit>
   void for_shell(const Cell& middle, std::int32_t distance, const Visit& visit) const;
@@ -84,6 +96,7 @@ class SearchedSurface {
   double radius_m_;
   double spacing_m_ = 0.0;  // of points of the area
   double coarse_m_ = 0.0;   // of the others
+  double slide_m_ = 0.0;    // of a foot, from one point to the next
   double cell_m_;
   double area_m2_ = 0.0;
   double searched_m2_ = 0.0;

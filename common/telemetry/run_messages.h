@@ -110,6 +110,7 @@ struct TaskState {
   std::vector<std::string> findings{};                         ///< after the end
   std::vector<std::pair<std::string, std::string>> figures{};  ///< after the end: label, value
   std::optional<Traction> traction{};
+  bool is_started_by_person = false;  ///< else it begins with the first tick
 
   bool operator==(const TaskState&) const = default;
 };

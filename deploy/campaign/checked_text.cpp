@@ -104,7 +104,13 @@ void CheckedText::check_number(const pb::Message& message, const pb::FieldDescri
 }
 
 void CheckedText::problem(const std::string& at, const std::string& rule) const {
-  const auto place = places_.find(at);
+  // a field that is missing belongs where its message is
+  std::string above = at;
+  while (!places_.contains(above) && !above.empty()) {
+    const std::size_t dot = above.rfind('.');
+    above.resize(dot == std::string::npos ? 0 : dot);
+  }
+  const auto place = places_.find(above);
   problems_.add(place == places_.end() ? Place{.line = 0} : place->second, at + ": " + rule);
 }
 

@@ -18,7 +18,7 @@
 #include "common/core/user/files.h"
 #include "common/core/user/output_file.h"
 #include "common/task/score_table.h"
-#include "common/telemetry/csv_writer.h"
+#include "deploy/study/key.h"
 
 namespace palpate::study {
 namespace {
@@ -32,11 +32,31 @@ constexpr const char* kOwnColumns =
 constexpr std::size_t kCodeCell = 6;
 constexpr std::size_t kRightCell = 9;
 constexpr const char* kRowFile = "row.csv";
+constexpr const char* kKeyFile = "key.csv";
+constexpr const char* kSimulatedKeyFile = "key_simulated.csv";
 
 void write_whole(const fs::path& file, const std::string& text) {
   OutputFile out("study", file.string(), OutputFile::Kind::kWhole, true);
   if (!out.write(text) || !out.close()) throw std::runtime_error(out.complaint());
 }
+
+/// Two that begin a study at once make its folder one after the other. A file system without locks
+/// has none.
+class Lock {
+ public:
+  explicit Lock(const fs::path& folder)
+      : lock_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (lock_ >= 0) ::flock(lock_, LOCK_EX);
+  }
+  ~Lock() {
+    if (lock_ >= 0) ::close(lock_);
+  }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+
+ private:
+  int lock_;
+};
 
 /// Of the study's own cells, none of which is quoted.
 std::vector<std::string> own_cells(const std::string& row) {
@@ -63,31 +83,36 @@ std::string Folder::header() {
 
 Folder::Folder(fs::path path, const Plan& plan, bool is_simulated)
     : path_(std::move(path)), plan_(plan), is_simulated_(is_simulated) {
+  create();
+  codes_ = codes_in(path_ / (is_simulated_ ? kSimulatedKeyFile : kKeyFile), plan_);
+}
+
+/// If it is not there.
+void Folder::create() const {
   const fs::path mark = path_ / "study.txt";
   const std::string content =
-      fmt::format("study {}\nfingerprint {:016x}\n", plan.name, plan.fingerprint);
+      fmt::format("study {}\nfingerprint {:016x}\n", plan_.name, plan_.fingerprint);
   std::error_code error;
+  fs::create_directories(path_, error);
+  if (error) {
+    throw SetupError(path_.string() + ": " + error.message() +
+                     "; give another folder with --folder");
+  }
+  const Lock lock(path_);
   if (fs::exists(mark, error)) {
     if (read_text_file(mark, kMostBytes).bytes == content) return;
     throw SetupError(path_.string() +
                      ": holds the results of another study, or the plan, its session or a file of "
                      "it has changed since; give another folder with --folder");
   }
-  fs::create_directories(path_, error);
-  if (error) {
-    throw SetupError(path_.string() + ": " + error.message() +
-                     "; give another folder with --folder");
-  }
   if (!fs::is_empty(path_, error)) {
     throw SetupError(path_.string() +
                      ": is no folder of a study and not empty; give another one with --folder");
   }
-  std::string key = "code,condition\n";
-  const std::vector<std::string> codes = codes_of(plan);
-  for (std::size_t i = 0; i < codes.size(); ++i) {
-    key += codes[i] + "," + csv_cell(plan.conditions[i].name) + "\n";
+  for (const char* const name : {kKeyFile, kSimulatedKeyFile}) {
+    write_whole(path_ / name, key_text(plan_, dealt_codes(plan_.conditions.size())));
+    fs::permissions(path_ / name, fs::perms::owner_read | fs::perms::owner_write, error);
   }
-  write_whole(path_ / "key.csv", key);
   write_whole(mark, content);
 }
 
@@ -109,9 +134,9 @@ fs::path Folder::begin(const Trial& trial) const {
 }
 
 void Folder::keep(const Trial& trial, const TaskScore& score, std::optional<bool> is_right) const {
-  std::string row = fmt::format("{},{},{},{},{},{},{},", plan_.name, trial.participant,
-                                is_simulated_ ? 1 : 0, trial.number, trial.block + 1,
-                                trial.in_block + 1, codes_of(plan_)[trial.condition]);
+  std::string row =
+      fmt::format("{},{},{},{},{},{},{},", plan_.name, trial.participant, is_simulated_ ? 1 : 0,
+                  trial.number, trial.block + 1, trial.in_block + 1, codes_[trial.condition]);
   row += plan_.staircase ? fmt::format("{:.9g},{},{},", trial.difference_ratio,
                                        trial.alternative + 1, is_right.value_or(false) ? 1 : 0)
                          : ",,,";
@@ -121,6 +146,7 @@ void Folder::keep(const Trial& trial, const TaskScore& score, std::optional<bool
 
 std::vector<TrialRow> Folder::rows(std::uint64_t participant) const {
   std::vector<TrialRow> rows;
+  Series series(plan_, participant);
   for (std::uint64_t number = 1;; ++number) {
     const fs::path file = trial_folder(participant, number) / kRowFile;
     std::error_code error;
@@ -135,6 +161,13 @@ std::vector<TrialRow> Folder::rows(std::uint64_t participant) const {
     TrialRow row{
         .participant = participant, .code = cells[kCodeCell], .cells = text.substr(second)};
     if (!cells[kRightCell].empty()) row.is_right = cells[kRightCell] == "1";
+    const auto trial = series.next();
+    if (trial && row.code != codes_[trial->condition]) {
+      throw SetupError(file.string() +
+                       ": its code is not that of the key; put back the key that was made with "
+                       "this folder, or remove the folder of the trial to do it again");
+    }
+    if (trial) series.take(row.is_right);
     rows.push_back(std::move(row));
   }
 }

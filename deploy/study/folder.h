@@ -26,8 +26,9 @@ struct TrialRow {
 
 class Folder {
  public:
-  /// Creates it, with `key.csv` (which code is which condition), or takes one that the same study
-  /// has left. Throws SetupError if it belongs to another study or to another content of this one.
+  /// Creates it, with a key of its own for people (`key.csv`) and for the simulated
+  /// (`key_simulated.csv`), or takes one that the same study has left. Throws SetupError if it
+  /// belongs to another study or to another content of this one, or has lost its key.
   /// @param is_simulated  of participants that are simulated: they are kept apart from people
   Folder(std::filesystem::path path, const Plan& plan, bool is_simulated);
 
@@ -40,6 +41,8 @@ class Folder {
   /// Of the trials that are done, in order.
   [[nodiscard]] std::vector<TrialRow> rows(std::uint64_t participant) const;
   [[nodiscard]] bool is_simulated() const { return is_simulated_; }
+  /// Of each condition of the plan, as the key has it: "A", "B", …
+  [[nodiscard]] const std::vector<std::string>& codes() const { return codes_; }
   /// Who has done at least one trial, of people or of the simulated.
   [[nodiscard]] std::vector<std::uint64_t> participants() const;
 
@@ -47,12 +50,14 @@ class Folder {
   [[nodiscard]] static std::string header();
 
  private:
+  void create() const;
   [[nodiscard]] std::filesystem::path trial_folder(std::uint64_t participant,
                                                    std::uint64_t number) const;
 
   std::filesystem::path path_;
   const Plan& plan_;
   bool is_simulated_;
+  std::vector<std::string> codes_;
 };
 
 /// Nobody else does the trials of the participant meanwhile. Throws SetupError if somebody does.

@@ -3,9 +3,6 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <algorithm>
-#include <numeric>
-
 #include "common/core/random.h"
 
 namespace palpate::study {
@@ -31,16 +28,6 @@ std::vector<std::vector<std::size_t>> balanced_square(std::size_t n) {
 std::vector<std::size_t> order_of(const Plan& plan, std::uint64_t participant) {
   const auto square = balanced_square(plan.conditions.size());
   return square[(participant - 1) % square.size()];
-}
-
-std::vector<std::string> codes_of(const Plan& plan) {
-  std::vector<std::string> codes;
-  for (std::size_t i = 0; i < plan.conditions.size(); ++i) {
-    codes.emplace_back(1, static_cast<char>('A' + i));
-  }
-  Random random(plan.seed ^ fnv1a("codes"));
-  for (std::size_t i = codes.size(); i > 1; --i) std::swap(codes[i - 1], codes[random.below(i)]);
-  return codes;
 }
 
 std::uint64_t Trial::seed(const Plan& plan) const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// order.h — who has which condition when: balanced Latin squares, and names that tell nothing.
+// order.h — who has which condition when: balanced Latin squares.
 #pragma once
 
 #include <cstddef>
@@ -17,9 +17,6 @@ namespace palpate::study {
 
 /// The conditions of a participant, in order. @param participant  from 1
 [[nodiscard]] std::vector<std::size_t> order_of(const Plan& plan, std::uint64_t participant);
-
-/// "A", "B", …: of each condition, dealt out by the seed of the study.
-[[nodiscard]] std::vector<std::string> codes_of(const Plan& plan);
 
 /// One trial of a participant.
 struct Trial {

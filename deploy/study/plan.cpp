@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <set>
+#include <sstream>
 
 #include "common/core/check.h"
 #include "common/core/problems.h"
@@ -12,6 +13,7 @@
 #include "common/session/session_file.h"
 #include "deploy/campaign/campaign.h"
 #include "deploy/campaign/checked_text.h"
+#include "palpate/v1/session.pb.h"
 #include "palpate/v1/study.pb.h"
 
 namespace palpate::study {
@@ -71,16 +73,69 @@ Plan to_plan(const v1::Study& written, const campaign::CheckedText& text) {
   return plan;
 }
 
-/// All sets of overrides that a trial may have, with the reference in the staircase's field.
-std::vector<std::vector<std::string>> overrides_of(const Plan& plan) {
-  std::vector<std::vector<std::string>> all;
-  const std::size_t alternatives = plan.staircase ? plan.staircase->alternatives.size() : 1;
-  for (std::size_t condition = 0; condition < plan.conditions.size(); ++condition) {
-    for (std::size_t alternative = 0; alternative < alternatives; ++alternative) {
-      all.push_back(plan.overrides_of(condition, alternative, 0.0));
+/// An override and the field of the plan that has it.
+struct Origin {
+  std::string override_text;
+  std::string at;
+};
+
+std::vector<Origin> origins_of(const Plan& plan, std::size_t condition, std::size_t alternative) {
+  std::vector<Origin> origins;
+  const auto add = [&](const std::string& above, const std::vector<std::string>& sets) {
+    for (std::size_t i = 0; i < sets.size(); ++i) {
+      origins.push_back({sets[i], fmt::format("{}set[{}]", above, i)});
+    }
+  };
+  add("", plan.overrides);
+  add(fmt::format("condition[{}].", condition), plan.conditions[condition].overrides);
+  if (!plan.staircase) return origins;
+  add(fmt::format("staircase.alternative[{}].", alternative),
+      plan.staircase->alternatives[alternative]);
+  const auto field = plan.staircase->field + "=";
+  for (const std::string& one : plan.overrides_of(condition, alternative, 0.0)) {
+    if (one.starts_with(field)) origins.push_back({one, "staircase.field"});
+  }
+  return origins;
+}
+
+/// What is wrong with the session of a condition, where the plan has it. False: it is wrong in the
+/// session itself.
+bool blame(const Plan& plan, std::size_t condition, std::size_t alternative,
+           const std::string& complaint, const campaign::CheckedText& text) {
+  bool is_of_plan = false;
+  std::istringstream lines(complaint);
+  for (std::string line; std::getline(lines, line);) {
+    for (const Origin& origin : origins_of(plan, condition, alternative)) {
+      const std::string begin = "--set " + one_line(origin.override_text) + ": ";
+      if (!line.starts_with(begin)) continue;
+      is_of_plan = true;
+      const bool is_of_condition = origin.at.starts_with("condition");
+      text.problem(origin.at,
+                   (is_of_condition ? fmt::format("of condition \"{}\": ",
+                                                  one_line(plan.conditions[condition].name))
+                                    : "") +
+                       line.substr(begin.size()));
+      break;
     }
   }
-  return all;
+  return is_of_plan;
+}
+
+/// A staircase needs a field that takes any value.
+void check_field(const std::string& path, const campaign::CheckedText& text) {
+  const google::protobuf::Descriptor* message = v1::Session::descriptor();
+  const google::protobuf::FieldDescriptor* field = nullptr;
+  std::istringstream names(path);
+  for (std::string name; std::getline(names, name, '.');) {
+    field = message == nullptr ? nullptr : message->FindFieldByName(name.substr(0, name.find('[')));
+    if (field == nullptr) return;  // the session says so
+    message = field->message_type();
+  }
+  if (field != nullptr && field->type() == google::protobuf::FieldDescriptor::TYPE_DOUBLE) return;
+  text.problem("staircase.field",
+               "\"" + one_line(path) +
+                   "\" is no number with decimals; give the path of one in the session, such as "
+                   "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m");
 }
 
 }  // namespace
@@ -121,6 +176,19 @@ void refuse_rivals_of_staircase(const Plan& plan) {
   for (const auto& alternative : plan.staircase->alternatives) check(alternative);
 }
 
+void check_session(const Plan& plan, const Session& session) {
+  if (!session.task) {
+    throw SetupError(plan.session_file.string() +
+                     ": has no task, so its trials have no score; give task { … }");
+  }
+  const auto* search = session.task->palpation();
+  if (plan.staircase && (search == nullptr || search->targets.empty())) {
+    throw SetupError(plan.session_file.string() +
+                     ": a staircase needs task { palpation { target { … } } }: an answer is right "
+                     "if the first mark is where a target is");
+  }
+}
+
 }  // namespace
 
 Plan load_plan(const std::filesystem::path& file) {
@@ -128,27 +196,26 @@ Plan load_plan(const std::filesystem::path& file) {
   v1::Study written;
   const campaign::CheckedText text(file, "study", written, problems);
   Plan plan = to_plan(written, text);
+  if (plan.staircase && !plan.staircase->field.empty()) check_field(plan.staircase->field, text);
   problems.throw_if_any();
   plan.file = file;
   refuse_rivals_of_staircase(plan);
   plan.session_file = (file.parent_path() / written.session()).lexically_normal();
   std::string all = written.DebugString();
   std::vector<std::string> named;  // overrides of any trial
-  for (const std::vector<std::string>& overrides : overrides_of(plan)) {
+  const std::size_t alternatives = plan.staircase ? plan.staircase->alternatives.size() : 1;
+  for (std::size_t i = 0; i < plan.conditions.size() * alternatives; ++i) {
+    const std::size_t condition = i / alternatives;
+    const std::size_t alternative = i % alternatives;
+    const std::vector<std::string> overrides = plan.overrides_of(condition, alternative, 0.0);
     named.insert(named.end(), overrides.begin(), overrides.end());
-    const Session session = load_session(plan.session_file, overrides);
-    if (!session.task) {
-      throw SetupError(plan.session_file.string() +
-                       ": has no task, so its trials have no score; give task { … }");
-    }
-    const auto* search = session.task->palpation();
-    if (plan.staircase && (search == nullptr || search->targets.empty())) {
-      throw SetupError(
-          plan.session_file.string() +
-          ": a staircase needs task { palpation { target { … } } }: an answer is right "
-          "if the first mark is where a target is");
+    try {
+      check_session(plan, load_session(plan.session_file, overrides));
+    } catch (const SetupError& error) {
+      if (!blame(plan, condition, alternative, error.what(), text)) throw;
     }
   }
+  problems.throw_if_any();
   for (const std::string& name : files_of_any(plan.session_file, named)) {
     all += fmt::format("{}\n{:x}\n", name, campaign::hash_of_file(name));
   }

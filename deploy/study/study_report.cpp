@@ -60,7 +60,7 @@ std::string threshold_text(const ConditionFigures& figures) {
 
 std::string table_csv(const Plan& plan, const Folder& folder, bool is_open) {
   std::string csv = (is_open ? "condition," : "") + Folder::header();
-  const std::vector<std::string> codes = codes_of(plan);
+  const std::vector<std::string>& codes = folder.codes();
   std::map<std::string, std::string> names;
   for (std::size_t i = 0; i < codes.size(); ++i) {
     names[codes[i]] = csv_cell(plan.conditions[i].name);
@@ -100,7 +100,7 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
   }
   std::string text = fmt::format("{}: {} {}participants\n", plan.name, participants.size(),
                                  folder.is_simulated() ? "simulated " : "");
-  const std::vector<std::string> codes = codes_of(plan);
+  const std::vector<std::string>& codes = folder.codes();
   std::vector<std::size_t> order(figures.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   // the order of the plan would tell what the codes hide

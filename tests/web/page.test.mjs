@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { after, before, test } from "node:test";
-import { at_most, drawn, late_pages, launch, open, picture, scene_signature, status, until, until_pixels_change, until_text, violations } from "./support/browser.mjs";
+import { at_most, drawn, late_pages, launch, open, picture, press_stop, scene_signature, status, until, until_pixels_change, until_text, violations, words } from "./support/browser.mjs";
 import { patience } from "./support/machine.mjs";
 import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
@@ -395,6 +395,25 @@ page_test("a session that has ended is no lost connection, until another begins"
   await until_text(page, "banners", /^$/);
 });
 
+page_test("the end of a task tells who has closed the details nothing of what rendered the force", {}, async (page) => {
+  const port = Number(new URL(server.url).port);
+  server.world.task = { ...kTask, phase: 2, findings: ["Found 1 of 2."], figures: [] };
+  await page.locator("body.is-plain").waitFor();
+  server.write_log("viewer_node", 'event=verdict grade=mixed text="the device\'s peak force or slew limit cut the force in 82 % of the contact"');
+  await until(page, (t) => t.events.some(({ text }) => text === "verdict: mixed"), "the verdict");
+  await server.close();
+  await until(page, (t) => t.state.id === "ended", "the end");
+  await until_text(page, "banners", /^The session has ended\.$/);
+  await until_text(page, "announcement", /^The session has ended\.$/);
+  assert.doesNotMatch(await page.evaluate(() => document.body.innerText), /verdict|peak force|82 %/);
+  await page.getByRole("button", { name: "Details" }).click();
+  await until_text(page, "banners", /^The session has ended\.\s*verdict on the run: mixed\. the device's peak force/);
+
+  server = await start_mock_server({ port });
+  await until(page, (t) => t.is_connected && t.state.id !== "ended" && t.scene, "the connection");
+  await page.getByRole("button", { name: "Details" }).waitFor({ state: "hidden" });
+});
+
 page_test("every control has a name, and Tab reaches it", {}, async (page) => {
   const unnamed = await page.evaluate(() => [...document.querySelectorAll("button, canvas[tabindex]")]
     .filter((element) => !(element.getAttribute("aria-label") || element.innerText || element.title)).length);
@@ -637,7 +656,7 @@ page_test("without viewer.control no tissue can be changed and no device acknowl
 
   await page.getByRole("button", { name: "Record" }).click();
   await until(page, (t) => t.recorder.isRecording, "a recording");
-  await page.locator("#record", { hasText: "Stop 0:00" }).click();
+  await page.locator("#record", { hasText: /^Stop recording 0:00$/ }).click();
   await until(page, (t) => !t.recorder.isRecording, "its end");
   server.world.recorder = { ...server.world.recorder, problem: "disk full" };
   await until_text(page, "banners", /recording failed: disk full/);
@@ -679,7 +698,28 @@ page_test("a replay has a badge, time, speed and scrubber, and offers no touch",
   await until_text(page, "banners", /^$/);
   await page.getByRole("button", { name: "Play", exact: true }).click();
   await until(page, (t) => !t.replay.isPaused, "motion");
-  server.world.replay = undefined;
+  // nor where it has ended, for a page that comes then, too
+  Object.assign(server.world.replay, { positionS: kReplay.lengthS, isPaused: false });
+  server.world.alive = { device: false, mofc: false, physics: false };
+  server.world.gone = ["device", "mofc", "physics"];
+  await until(page, (t) => t.replay.positionS === kReplay.lengthS, "the end");
+  const late = await open(browser, server.url, { ...kSmall, wait: false });
+  await until(late, (t) => t.is_connected && t.replay, "the replay");
+  const end = performance.now();
+  for (const one of [page, late]) {
+    await one.evaluate(() => {
+      window.banners_of_end = [];
+      new MutationObserver(() => window.banners_of_end.push(document.getElementById("banners").textContent))
+        .observe(document.getElementById("banners"), { childList: true, characterData: true, subtree: true });
+    });
+  }
+  await until(page, () => performance.now() - end > 3000, "a while");
+  for (const one of [page, late]) {
+    assert.equal(await words(one, "banners"), "");
+    assert.deepEqual(await one.evaluate(() => window.banners_of_end), []);
+  }
+  await late.context().close();
+  Object.assign(server.world, { alive: { device: true, mofc: true, physics: true }, gone: [], replay: undefined });
   await page.locator("#replay").waitFor({ state: "hidden" });
 });
 
@@ -697,7 +737,7 @@ page_test("a task is done with the mouse: briefing, start, marks, stop, score in
   await until_shown(page, "#task", /0:48 left · 0 finds marked/);
   await page.getByRole("button", { name: "Mark a find (M)" }).click();
   await until_shown(page, "#task", /1 find marked/);
-  await page.getByRole("button", { name: "Stop" }).click();
+  await press_stop(page);
   await until_shown(page, "#task", /Score[^]*Found 1 of 2\.[^]*You pressed too lightly[^]*81\.0 %/);
   assert.equal(await page.locator("#task button:visible").count(), 0);
   // on the organ: what was searched
@@ -726,7 +766,7 @@ page_test("what a task says itself is no banner; a marker in a task without mark
   await page.getByRole("button", { name: "Mark a find (M)" }).click();
   const said = page.locator("#task [role=status]");
   await said.filter({ hasText: /^Mark 1 set\.$/ }).waitFor({ state: "attached" });
-  await page.getByRole("button", { name: "Stop" }).click();
+  await press_stop(page);
   await until_shown(page, "#task", /Score/);
   assert.equal(server.world.markers.length, 3);
   server.world.task = { ...kTask, kind: 0, phase: 1 };
@@ -737,12 +777,96 @@ page_test("what a task says itself is no banner; a marker in a task without mark
   server.world.task = undefined;
 });
 
+page_test("one press of Stop ends no task: it asks once more, for some seconds, and nothing else begins with Stop", {}, async (page) => {
+  server.world.recorder = { ...server.world.recorder, isPossible: true, isRecording: true, lengthS: 3 };
+  server.world.task = { ...kTask, phase: 1 };
+  const stop = page.getByRole("button", { name: "Stop", exact: true });
+  await stop.waitFor();
+  await page.getByRole("button", { name: "Stop recording 0:03" }).waitFor();
+  const said = page.locator("#task [role=status]");
+  await stop.dblclick(); // as one press
+  await said.filter({ hasText: "Press Stop again within 6 seconds to end the task." }).waitFor({ state: "attached" });
+  await page.getByRole("button", { name: "Stop: press again" }).waitFor();
+  assert.deepEqual(await violations(page), []);
+  await said.filter({ hasText: "Not confirmed: the task goes on." }).waitFor({ state: "attached" });
+  await stop.waitFor();
+  assert.equal(server.world.task.phase, 1);
+  // a key that is held down is one press
+  await stop.focus();
+  await page.keyboard.down("Enter");
+  await page.locator("#task-stop[data-asks=ready]").waitFor();
+  await page.keyboard.down("Enter");
+  await page.keyboard.down("Enter");
+  assert.equal(server.world.task.phase, 1);
+  await page.keyboard.up("Enter");
+  await page.keyboard.press("Enter");
+  await until_shown(page, "#task", /Score/);
+  server.world.task = undefined;
+});
+
+const kByPerson = { ...kTask, phase: 1, isStartedByPerson: true };
+const kWatcher = { width: 390, height: 844, touch: true };
+page_test("who only watches the task of a person marks and stops nothing until he takes part", {}, async (page) => {
+  server.world.task = { ...kTask, isStartedByPerson: true };
+  const watcher = await open(browser, server.url, kWatcher);
+  await page.getByRole("button", { name: "Start" }).click();
+  await page.locator("#task-find").waitFor();
+  await page.locator("#task-stop").waitFor();
+  assert.equal(await page.locator("#task-join").isVisible(), false);
+  const join = watcher.getByRole("button", { name: "Take part" });
+  await join.waitFor();
+  const buttons = () => watcher.locator("#task button:visible").allInnerTexts();
+  assert.deepEqual(await buttons(), ["Take part"]);
+  await watcher.keyboard.press("m");
+  await page.keyboard.press("m");
+  await until_shown(watcher, "#task", /1 find marked/);
+  assert.equal(server.world.task.marks, 1);
+  assert.ok((await join.boundingBox()).height >= 44);
+  assert.deepEqual(await violations(watcher), []);
+  // a reload changes nothing for either
+  await watcher.reload();
+  await join.waitFor();
+  await page.reload();
+  await page.locator("#task-stop").waitFor();
+  await join.focus();
+  await watcher.keyboard.press("Enter");
+  await watcher.locator("#task-find:focus").waitFor();
+  assert.deepEqual(await buttons(), ["Mark a find (M)", "Stop"]);
+  await watcher.reload();
+  await press_stop(watcher);
+  await until_shown(page, "#task", /Score/);
+  await watcher.context().close();
+
+  // a task that began by itself is everybody's
+  server.world.task = { ...kTask, phase: 1 };
+  const other = await open(browser, server.url, kSmall);
+  await other.locator("#task-stop").waitFor();
+  assert.equal(await other.locator("#task-join").isVisible(), false);
+  await other.context().close();
+  server.world.task = undefined;
+});
+
+page_test("who leads the hand takes part in the task", {}, async (page) => {
+  server.world.task = { ...kByPerson };
+  await page.evaluate(() => sessionStorage.clear());
+  await page.reload();
+  await page.getByRole("button", { name: "Take part" }).waitFor();
+  await rest_tool_at(page, 0.02);
+  await page.locator("#canvas").focus();
+  await page.keyboard.press("t");
+  await page.keyboard.press("ArrowDown");
+  await page.locator("#task-stop").waitFor();
+  assert.equal(await page.locator("#task-join").isVisible(), false);
+  await page.keyboard.press("Escape");
+  server.world.task = undefined;
+});
+
 page_test("what was searched is seen on the organ", { page: kPicture }, async (page) => {
   await rest_tool_at(page, 0.02);
   server.world.task = { ...kTask, phase: 1 };
   await page.locator("#task-stop").waitFor();
   const before = await picture(page);
-  await page.locator("#task-stop").click();
+  await press_stop(page);
   await until(page, (t) => t.task_map?.searched > 0, "the map");
   await page.locator("#task-title", { hasText: "Score" }).waitFor();
   await drawn(page);
@@ -780,7 +904,10 @@ page_test("a task is done with the keyboard alone, and said to a screen reader",
   await page.keyboard.press("m");
   await said.filter({ hasText: "Mark 1 set." }).waitFor({ state: "attached" });
   await page.getByRole("button", { name: "Stop" }).focus();
-  await page.keyboard.press(" ");
+  await press_stop(page, async (stop) => {
+    await stop.waitFor();
+    await page.keyboard.press(" ");
+  });
   await said.filter({ hasText: "The task has ended. Found 1 of 2." }).waitFor({ state: "attached" });
   await page.locator("#task-title:focus").waitFor();
   await page.keyboard.press("m"); // nothing is marked after the end
@@ -1349,11 +1476,19 @@ test("where storage is blocked the page works", kLimit, async () => {
   await discard();
   server = await start_mock_server();
   const page = await open(browser, server.url, { ...kSmall, wait: false });
-  await page.addInitScript(() => Object.defineProperty(window, "localStorage", { get() { throw new DOMException("blocked", "SecurityError"); } }));
+  await page.addInitScript(() => {
+    for (const storage of ["localStorage", "sessionStorage"]) {
+      Object.defineProperty(window, storage, { get() { throw new DOMException("blocked", "SecurityError"); } });
+    }
+  });
   await page.reload();
   await until(page, (t) => t.scene && t.device_ticks > 0, "scene and ticks");
   await page.locator("#theme").click();
   assert.equal(await page.locator("html").getAttribute("data-theme"), "dark");
+  server.world.task = { ...kByPerson };
+  await page.getByRole("button", { name: "Take part" }).click();
+  await page.locator("#task-stop:visible").waitFor();
+  server.world.task = undefined;
   assert.deepEqual(page.problems, []);
 });
 

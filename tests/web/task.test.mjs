@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { readFileSync, statSync } from "node:fs";
 import { join } from "node:path";
 import { after, afterEach, before, test } from "node:test";
-import { kSkipScreenshots, launch, open, screenshot, status, until, until_text, violations } from "./support/browser.mjs";
+import { kSkipScreenshots, launch, open, press_stop, screenshot, status, until, until_text, violations } from "./support/browser.mjs";
 import { ByFinger, ByKeys, ByMouse } from "./support/leading.mjs";
 import { patience, QuietMachine } from "./support/machine.mjs";
 import { kLimit, Nodes } from "./support/nodes.mjs";
@@ -116,7 +116,7 @@ test("a whole search by mouse alone: page, /task, summary, recording and replay 
   await hand.release(); // the mark is where the tip has touched last, at most 3 s before
   await page.mouse.click(...find);
   await region(page).filter({ hasText: "1 find marked" }).waitFor();
-  await page.locator("#task-stop").click();
+  await press_stop(page);
   const live = await assert_found(page);
   await page.context().close();
 
@@ -187,7 +187,10 @@ test("a whole search by keys alone: everything is reached, and the focus is neve
   await until(page, (t) => !t.hand.is_mine, "a hand that is let go");
   await page.locator("#task-find:focus").waitFor();
   await tab_to(page, "task-stop");
-  await page.keyboard.press("Enter");
+  await press_stop(page, async (stop) => {
+    await stop.waitFor();
+    await page.keyboard.press("Enter");
+  });
   await said(page, "The task has ended. ");
   await page.locator("#task-title:focus").waitFor();
   assert.equal(await page.evaluate(() => window.lost_focus), 0, "pictures without a focus");
@@ -225,7 +228,7 @@ test("a whole search with fingers at 390 × 844: nothing is too wide, and all is
   await page.touchscreen.tap(...find);
   await region(page).filter({ hasText: "1 find marked" }).waitFor();
   assert.equal(await page.evaluate(() => scrollY), 0, "the fingers have moved the hand, not the page");
-  await page.locator("#task-stop").tap();
+  await press_stop(page, (stop) => stop.tap());
   await region(page).getByRole("heading", { name: "Score" }).waitFor();
   await fits("after the end");
   // each sentence and figure is within the width, and can be scrolled to
@@ -250,6 +253,7 @@ test("two pages on one task show the same phase, time left, marks and score", kW
   assert.deepEqual(phases, ["waiting", "waiting"]);
   await first.locator("#task-start").click();
   await both((page) => page.locator("#task[data-phase=running]").waitFor());
+  await second.getByRole("button", { name: "Take part" }).click(); // the first has started it
   for (const marks of [1, 2, 3]) {
     await pages[marks % 2].locator("#task-find").click();
     await both((page) => region(page).filter({ hasText: marks === 1 ? "1 find marked" : `${marks} finds marked` }).waitFor());
@@ -258,7 +262,7 @@ test("two pages on one task show the same phase, time left, marks and score", kW
       return Math.abs(one - other) <= 1;
     }, "pages that agree on the time left");
   }
-  await second.locator("#task-stop").click();
+  await press_stop(second);
   await both((page) => region(page).getByRole("heading", { name: "Score" }).waitFor());
   const scores = await both(shown_score);
   const findings = scores[0].findings.join("\n");
@@ -296,7 +300,7 @@ test("axe-core has no objection to a task before the start, while it runs and af
   await page.locator("#task-find").click();
   await region(page).filter({ hasText: "1 find marked" }).waitFor();
   await assert_accessible("while it runs");
-  await page.locator("#task-stop").click();
+  await press_stop(page);
   await region(page).getByRole("heading", { name: "Score" }).waitFor();
   await page.locator("#task .map-key", { hasText: /not pressed\s*lesion, not found/ }).waitFor();
   await page.getByRole("img", { name: /^Force over the task, / }).waitFor();
@@ -348,7 +352,7 @@ test("a viewer_node and a recorder that are killed during a task lose no more th
   await region(page).filter({ hasText: "1 find marked" }).waitFor();
   await until(page, (t) => t.is_connected && t.state.id === "free", "the page, connected again");
   const restart_disturbance = watched.disturbance();
-  await page.locator("#task-stop").click();
+  await press_stop(page);
   await region(page).getByRole("heading", { name: "Score" }).waitFor();
   const { score, findings } = await ended_task();
   assert.ok(score.missing_ticks > 0);

@@ -87,6 +87,7 @@ void wire::put(const TaskState& task, v1::TaskState& to) {
   to.set_elapsed_s(task.elapsed_s);
   to.set_time_s(task.time_s);
   to.set_marks(task.marks);
+  to.set_is_started_by_person(task.is_started_by_person);
   if (task.traction) {
     v1::TaskState::Traction& traction = *to.mutable_goal();
     put(task.traction->target_m, *traction.mutable_target_m());

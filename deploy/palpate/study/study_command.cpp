@@ -128,6 +128,11 @@ struct StudyCommand {
       throw SetupError("palpate study: give --participant N, a number and no name");
     }
     const Plan plan = study::load_plan(study.file);
+    if (simulated.weber_ratio > 0.0 && !plan.staircase) {
+      throw SetupError(
+          "--weber: the plan has no staircase, so nothing is compared; leave it out, or give "
+          "staircase { … }");
+    }
     const Folder folder(study.folder_of(plan), plan, is_loopback);
     const study::ParticipantLock lock(folder, participant);
     study::Series series(plan, participant);
@@ -184,6 +189,7 @@ struct StudyCommand {
                               .messages = messages,
                               .is_quiet = verbosity.is_quiet})) {
       if (!StopSignal::is_requested()) {
+        for (const std::string& cause : harmless_causes(place, messages)) say(cause);
         say("the trial failed; what it said, which can tell the condition, is in " + messages);
       }
       return std::nullopt;

@@ -7,6 +7,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -16,6 +18,7 @@
 
 #include "common/core/clock.h"
 #include "common/core/time.h"
+#include "common/core/user/files.h"
 #include "common/process/run_node.h"
 #include "common/process/terminal.h"
 
@@ -24,6 +27,40 @@ namespace {
 
 constexpr std::chrono::milliseconds kPoll{20};
 constexpr Duration kPatience = std::chrono::seconds(2);
+constexpr std::size_t kProbe_bytes = 65'536;  // more than what is left of a full disk
+constexpr std::uintmax_t kMostMessages = 1'000'000;
+
+struct Sign {
+  const char* words;  // of messages
+  const char* cause;
+};
+constexpr std::array<Sign, 6> kSigns{{
+    {"in use by", "a port or address is in use: end the other program that has it"},
+    {"port is in use", "a port or address is in use: end the other program that has it"},
+    {"is in use: session", "another session runs: end it first"},
+    {"no device ", "a device was not found: is it connected and switched on?"},
+    {"event=device_hangs", "the device does not answer: is it connected and switched on?"},
+    {"No space left on device", "the disk is full: make room"},
+}};
+
+/// What keeps a file from being written there; "" if nothing does.
+std::string why_not_writable(const std::filesystem::path& folder) {
+  const std::string file = (folder / "probe.tmp").string();
+  const int probe = open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  int error = probe < 0 ? errno : 0;
+  if (probe >= 0) {
+    const std::string bytes(kProbe_bytes, '.');
+    for (std::size_t done = 0; error == 0 && done < bytes.size();) {
+      const ssize_t count = write(probe, bytes.data() + done, bytes.size() - done);
+      if (count < 0 && errno != EINTR) error = errno;
+      if (count == 0) error = ENOSPC;
+      if (count > 0) done += static_cast<std::size_t>(count);
+    }
+    if (close(probe) != 0 && error == 0) error = errno;
+    unlink(file.c_str());
+  }
+  return error == 0 ? "" : std::generic_category().message(error);
+}
 
 }  // namespace
 
@@ -71,6 +108,19 @@ bool launch_trial(const TrialLaunch& trial) {
     }
   }
   return WIFEXITED(status) && WEXITSTATUS(status) == 0 && !StopSignal::is_requested();
+}
+
+std::vector<std::string> harmless_causes(const std::filesystem::path& folder,
+                                         const std::filesystem::path& messages) {
+  std::vector<std::string> causes;
+  const std::string why = why_not_writable(folder);
+  if (!why.empty()) causes.push_back(folder.string() + " cannot be written: " + why);
+  const std::string said = read_text_file(messages, kMostMessages).bytes;
+  for (const Sign& sign : kSigns) {
+    const bool is_known = std::find(causes.begin(), causes.end(), sign.cause) != causes.end();
+    if (!is_known && said.find(sign.words) != std::string::npos) causes.emplace_back(sign.cause);
+  }
+  return causes;
 }
 
 }  // namespace palpate

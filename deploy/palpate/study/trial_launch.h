@@ -2,6 +2,7 @@
 // trial_launch.h — one trial in real time: `palpate launch` until its task ends.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,5 +23,10 @@ struct TrialLaunch {
 /// False: it failed or was stopped by a signal to this process or by Ctrl-C. Throws
 /// std::runtime_error if it cannot be started or its messages cannot be written.
 [[nodiscard]] bool launch_trial(const TrialLaunch& trial);
+
+/// Why a trial may have failed, in words that tell nothing of its condition: the folder cannot be
+/// written, an address is in use, a device is missing. @param messages  its file
+[[nodiscard]] std::vector<std::string> harmless_causes(const std::filesystem::path& folder,
+                                                       const std::filesystem::path& messages);
 
 }  // namespace palpate

@@ -4,6 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <csignal>
@@ -169,6 +174,32 @@ TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
   EXPECT_THAT(csv, HasSubstr("\ntry,7,0,1,1,1,A,,,,free,"));
 }
 
+// A port is taken: said, and nothing of the condition.
+TEST_F(Studies, ATrialThatFailsSaysCausesThatTellNoCondition) {
+  const int taken = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(address);
+  ASSERT_EQ(bind(taken, reinterpret_cast<sockaddr*>(&address), size), 0);
+  ASSERT_EQ(listen(taken, 1), 0);
+  ASSERT_EQ(getsockname(taken, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  files_.write("busy.txtpb", R"(
+    name: "study_busy" realtime { priority: 0 cpu: -1 } viewer { web { disabled: true } } links { device_telemetry: "tcp://127.0.0.1:)" +
+                                 std::to_string(ntohs(address.sin_port)) + R"(" }
+    scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+    task { free {} time_s: 1 }
+  )");
+  const std::string file =
+      plan("session: \"busy.txtpb\" condition { name: \"secret\" set: \"mofc.mode=paper\" }");
+  const Outcome outcome = palpate({"study", file, "--folder", path("b"), "--participant", "1"});
+  close(taken);
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr("a port or address is in use: end the other program that has it"),
+                    HasSubstr("messages.txt"), Not(HasSubstr("secret")), Not(HasSubstr("paper"))));
+}
+
 TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {
   const auto refusal = [&](const std::string& text) {
     const Outcome outcome = palpate({"study", plan(text), "--participant", "1"});
@@ -179,8 +210,24 @@ TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {
   EXPECT_THAT(refusal(session), HasSubstr("condition: 1 … 26 are required"));
   EXPECT_THAT(refusal(session + "condition { name: \"a\" } condition { name: \"a\" }"),
               AllOf(HasSubstr("plan.txtpb:1:"), HasSubstr("condition[1].name: another condition")));
-  EXPECT_THAT(refusal(session + "condition { name: \"a\" set: \"mofc.mode=best\" }"),
-              HasSubstr("mofc.mode"));
+  EXPECT_THAT(refusal(session + "\ncondition { name: \"good\" }\n"
+                                "condition { name: \"a\" set: \"mofc.mode=best\" }"),
+              AllOf(HasSubstr("plan.txtpb:3:"),
+                    HasSubstr("condition[1].set[0]: of condition \"a\": mofc.mode: mode = best")));
+  EXPECT_THAT(refusal(session + "\nset: \"mofc.mode=best\"\ncondition { name: \"a\" }"),
+              AllOf(HasSubstr("plan.txtpb:2:"), HasSubstr(": set[0]: mofc.mode: mode = best")));
+  EXPECT_THAT(refusal(session + "\n\ncondition { }"),
+              AllOf(HasSubstr("plan.txtpb:3:"), HasSubstr("condition[0].name: required")));
+  EXPECT_THAT(
+      refusal(std::string("session: \"") + kSessions +
+              "stiffer_side.txtpb\"\ncondition { name: \"a\" }\nstaircase { field: \"name\" "
+              "reference: 1 alternative {} alternative {} }"),
+      AllOf(HasSubstr("plan.txtpb:3:"),
+            HasSubstr("staircase.field: \"name\" is no number with decimals; give")));
+  EXPECT_THAT(palpate({"study", plan(session + "condition { name: \"a\" }"), "--participant", "1",
+                       "--loopback", "--weber", "0.1"})
+                  .err,
+              HasSubstr("--weber: the plan has no staircase"));
   EXPECT_THAT(refusal(session + "condition { name: \"a\" } staircase { field: \"duration_s\" "
                                 "reference: 1 alternative {} alternative {} }"),
               HasSubstr("a staircase needs task { palpation"));

@@ -14,6 +14,7 @@
 #include "common/core/check.h"
 #include "common/core/random.h"
 #include "deploy/study/folder.h"
+#include "deploy/study/key.h"
 #include "deploy/study/order.h"
 #include "deploy/study/plan.h"
 #include "deploy/study/staircase.h"
@@ -60,18 +61,24 @@ TEST(BalancedSquare, HasEachConditionAtEachPlaceAndAfterEachOtherEquallyOften) {
   }
 }
 
-TEST(Order, ParticipantsTakeTheRowsInTurnAndCodesTellNothing) {
-  Plan plan = plan_of(4);
+TEST(Order, ParticipantsTakeTheRowsInTurn) {
+  const Plan plan = plan_of(4);
   EXPECT_EQ(order_of(plan, 1), balanced_square(4)[0]);
   EXPECT_EQ(order_of(plan, 6), balanced_square(4)[1]);
+}
+
+// Of 24 ways to deal out four codes one is missing after 1000 draws with probability 24 ·
+// (23/24)^1000 < 1e-17; 26 are the same twice with 1/26!.
+TEST(Key, CodesAreDealtAnewEachTime) {
   std::set<std::vector<std::string>> dealt;
-  for (plan.seed = 1; plan.seed <= 200; ++plan.seed) {
-    const auto codes = codes_of(plan);
+  for (int i = 0; i < 1000; ++i) {
+    const auto codes = dealt_codes(4);
     EXPECT_EQ(std::set<std::string>(codes.begin(), codes.end()),
               (std::set<std::string>{"A", "B", "C", "D"}));
     dealt.insert(codes);
   }
-  EXPECT_THAT(dealt, SizeIs(24));  // all of them
+  EXPECT_THAT(dealt, SizeIs(24));
+  EXPECT_NE(dealt_codes(26), dealt_codes(26));
 }
 
 // Right, right: down. Wrong: up. By hand: 0.5 → 0.25 → 0.5 → 0.25 → 0.5 …
@@ -172,6 +179,56 @@ TEST_F(StudyFolder, OfAnotherStudyIsRefused) {
   EXPECT_THROW(Folder(path(), plan, false), SetupError);
   files_.write("note.txt", "mine");
   EXPECT_THROW(Folder(files_.path(), plan, false), SetupError);
+}
+
+TEST_F(StudyFolder, HasKeysOfItsOwnAndKeepsThem) {
+  const Plan plan = plan_of(26);
+  const auto codes = Folder(path(), plan, false).codes();
+  EXPECT_EQ(Folder(path(), plan, false).codes(), codes);
+  const auto simulated = Folder(path(), plan, true).codes();
+  EXPECT_EQ(Folder(path(), plan, true).codes(), simulated);
+  EXPECT_NE(simulated, codes);
+  EXPECT_NE(Folder(files_.path() / "other", plan, false).codes(), codes);
+}
+
+TEST_F(StudyFolder, WithAKeyThatDoesNotFitIsRefused) {
+  Plan plan = plan_of(3);
+  plan.conditions[1].name = "with \"quotes\", a comma\nand lines";
+  const auto codes = Folder(path(), plan, false).codes();
+  const auto refusal = [&](const std::string& key) -> std::string {
+    files_.write("s/key.csv", key);
+    try {
+      EXPECT_EQ(Folder(path(), plan, false).codes(), codes);
+    } catch (const SetupError& error) {
+      EXPECT_THAT(error.what(), AllOf(HasSubstr("key.csv"), HasSubstr("; put back the key")));
+      return error.what();
+    }
+    return "";
+  };
+  const std::string right = key_text(plan, codes);
+  EXPECT_EQ(refusal(right), "");
+  EXPECT_THAT(refusal("A,x\n"), HasSubstr("does not begin with code,condition"));
+  const std::string two = "code,condition\nA,condition 0\n";
+  EXPECT_THAT(refusal(two + "A,condition 2\n"), HasSubstr("code A is given twice"));
+  EXPECT_THAT(refusal(two + "B,condition 0\n"), HasSubstr("\"condition 0\" is given twice"));
+  EXPECT_THAT(refusal(two + "B,condition 7\n"), HasSubstr("\"condition 7\" is no condition"));
+  EXPECT_THAT(refusal(two + "D,condition 2\n"), HasSubstr("\"D\" is no code of this study"));
+  EXPECT_THAT(refusal(two + "B,condition 2\n"), HasSubstr("has no code of \"with"));
+  EXPECT_THAT(refusal(two + "B\n"), HasSubstr("a row that is not code,condition"));
+  std::filesystem::remove(path() / "key.csv");
+  EXPECT_THROW(Folder(path(), plan, false), SetupError);
+  EXPECT_NO_THROW(Folder(path(), plan, true));
+}
+
+// Two conditions whose codes have changed places: what was measured would be that of the other.
+TEST_F(StudyFolder, WithTrialsOfAnotherKeyIsRefused) {
+  const Plan plan = plan_of(2);
+  static_cast<void>(done(plan, path(), 1, 1));
+  std::vector<std::string> codes = Folder(path(), plan, false).codes();
+  std::swap(codes[0], codes[1]);
+  files_.write("s/key.csv", key_text(plan, codes));
+  const Folder folder(path(), plan, false);
+  EXPECT_THROW(static_cast<void>(folder.rows(1)), SetupError);
 }
 
 TEST_F(StudyFolder, OneProcessAtATimeDoesTheTrialsOfAParticipant) {

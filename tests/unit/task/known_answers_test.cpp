@@ -77,6 +77,117 @@ TEST(KnownAnswers, TheCoverageOfAPressIsADisc) {
   }
 }
 
+// An area that is small against a press.
+TEST(KnownAnswers, TheCoverageOfAnAreaThatIsSmallAgainstAPress) {
+  struct Case {
+    double area_m, radius_m;
+    Vector3 at_m;
+    double searched_m2;
+  };
+  // half a disc at the middle of an edge, all, a quarter of a disc at a corner, all
+  for (const Case& one :
+       {Case{0.01, 0.005, {0.005, 0, 0}, kPi * 25e-6 / 2}, Case{0.01, 0.02, {0, 0, 0}, 1e-4},
+        Case{0.01, 0.01, {0.005, 0.005, 0}, kPi * 1e-4 / 4}, Case{0.02, 0.1, {0, 0, 0}, 4e-4}}) {
+    SearchedSurface surface(
+        pad_mesh(0.1, 0.05),
+        BoxGeometry{.center_m = {0, 0, 0}, .size_m = {one.area_m, one.area_m, 0.01}}, one.radius_m);
+    EXPECT_NEAR(surface.area_m2() / (one.area_m * one.area_m), 1.0, 0.005);
+    surface.search(one.at_m);
+    EXPECT_NEAR(surface.searched_ratio() * one.area_m * one.area_m / one.searched_m2, 1.0, 0.01)
+        << one.area_m << " " << one.radius_m;
+  }
+}
+
+// A press 25 mm beside the middle of an area of 10 × 10 mm with a radius of 25 mm: the arc covers
+// ∫ √(r² − y²) − (r − a/2) dy over the height a,
+// r² asin(a/2r) + (a/2)√(r² − a²/4) − a (r − a/2).
+TEST(KnownAnswers, TheCoverageOfTheRimOfALargePress) {
+  constexpr double kSide_m = 0.01;
+  constexpr double kPress_m = 0.025;
+  constexpr double kHalf_m = kSide_m / 2;
+  SearchedSurface surface(pad_mesh(0.1, 0.05),
+                          BoxGeometry{.center_m = {0, 0, 0}, .size_m = {kSide_m, kSide_m, 0.01}},
+                          kPress_m);
+  surface.search({-kPress_m, 0, 0});
+  const double exact_m2 = kPress_m * kPress_m * std::asin(kHalf_m / kPress_m) +
+                          kHalf_m * std::sqrt(kPress_m * kPress_m - kHalf_m * kHalf_m) -
+                          kSide_m * (kPress_m - kHalf_m);
+  EXPECT_NEAR(surface.searched_ratio() * kSide_m * kSide_m / exact_m2, 1.0, 0.01);
+}
+
+/// Pressed down to a depth within 1 s and held there; it begins just above the surface.
+TaskScore pressed_into(double side_m, double high_m, double x_m, double depth_m, double tip_m) {
+  SceneState scene;
+  scene.tissues.emplace_back().mesh = pad_mesh(side_m, high_m);
+  TaskConfig task = search({lump()});
+  PalpationTask& palpation = std::get<PalpationTask>(task.kind);
+  palpation.targets[0].center_m = {x_m, 0.0, -0.003};
+  palpation.targets[0].radius_m = 0.002;
+  palpation.area = BoxGeometry{.center_m = {0, 0, 0}, .size_m = {side_m, side_m, 0.001}};
+  TaskEvaluator evaluator(task, ToolShape{.tip_radius_m = tip_m});
+  evaluator.take(scene);
+  run(evaluator, 2.0, [&](double t_s) {
+    const double now_m = depth_m * std::min(t_s, 1.0);
+    return Tip{.at_m = {x_m, 0.0, tip_m - now_m}, .newton = now_m > 1e-4 ? 2.5 : 0.0};
+  });
+  evaluator.take({marker(1, 1990)});
+  evaluator.finish();
+  return evaluator.score();
+}
+
+// Nearer to another side than to the one that is pressed: the back of a thin sheet, the wall at a
+// rim.
+TEST(KnownAnswers, APressStaysOnTheSideOnWhichItBegan) {
+  struct Case {
+    double side_m, high_m, from_rim_m, depth_m, tip_m;
+  };
+  for (const Case& one :
+       {Case{0.1, 0.008, 0.05, 0.0095, 0.003}, Case{0.1, 0.01, 0.05, 0.012, 0.003},
+        Case{0.1, 0.008, 0.05, 0.0125, 0.003}, Case{0.1, 0.05, 0.006, 0.018, 0.003},
+        Case{0.1, 0.05, 0.006, 0.018, 0.006}, Case{0.1, 0.05, 0.002, 0.01, 0.003}}) {
+    const TaskScore score = pressed_into(one.side_m, one.high_m, one.side_m / 2 - one.from_rim_m,
+                                         one.depth_m, one.tip_m);
+    SCOPED_TRACE(testing::Message() << one.high_m << " high, " << one.from_rim_m
+                                    << " from the rim, " << one.depth_m << " deep");
+    EXPECT_NEAR(score.depth_most_m / one.depth_m, 1.0, 0.01);
+    // the disc less its cap beyond the rim
+    const double in_m = std::min(one.from_rim_m, kRadius_m);
+    const double angle = std::acos(in_m / kRadius_m);
+    const double disc_m2 = kRadius_m * kRadius_m * (kPi - angle) +
+                           in_m * std::sqrt(kRadius_m * kRadius_m - in_m * in_m);
+    EXPECT_NEAR(score.coverage_ratio * score.area_m2 / disc_m2, 1.0, 0.01);
+    EXPECT_EQ(score.targets[0].outcome, TargetScore::Outcome::kFound);
+    EXPECT_NEAR(score.targets[0].force.touch_s, 2.0, 0.03);
+    EXPECT_NEAR(score.targets[0].force.median_newton, 2.5, 0.01);
+  }
+}
+
+// From the top over the rim and down along the wall, 1 mm deep all the time: both are searched.
+// Then back again through the air.
+TEST(KnownAnswers, ATipThatGoesAroundARimIsOnTheOtherSide) {
+  SceneState scene;
+  scene.tissues.emplace_back().mesh = pad_mesh(0.04, 0.03);
+  TaskEvaluator evaluator(search(), ToolShape{.tip_radius_m = 0.003});
+  evaluator.take(scene);
+  constexpr double kPress_m = 0.001;
+  constexpr double kCentre_m = 0.003 - kPress_m;  // above the surface
+  run(evaluator, 3.0, [&](double t_s) {
+    if (t_s < 1.0) return Tip{.at_m = {0.02 * t_s, 0, kCentre_m}, .newton = 1.0};
+    if (t_s < 2.0) {  // around the edge
+      const double angle = 0.5 * kPi * (t_s - 1.0);
+      return Tip{.at_m = {0.02 + kCentre_m * std::sin(angle), 0, kCentre_m * std::cos(angle)},
+                 .newton = 1.0};
+    }
+    return Tip{.at_m = {0.02 + kCentre_m, 0, -0.02 * (t_s - 2.0)}, .newton = 1.0};
+  });
+  evaluator.finish();
+  const TaskScore& score = evaluator.score();
+  // 20 mm on the top and 20 mm on the wall, a half disc at each end
+  const double strip_m2 = 2.0 * kRadius_m * 0.04 + kPi * kRadius_m * kRadius_m;
+  EXPECT_NEAR(score.coverage_ratio * score.area_m2 / strip_m2, 1.0, 0.01);
+  EXPECT_NEAR(score.depth_most_m, kPress_m, 1e-4);  // half of the spacing of the points
+}
+
 TEST(KnownAnswers, OnlyTheAreaIsToBeSearched) {
   TaskConfig task = search();
   // half of the strip of 2 cm around y = 0

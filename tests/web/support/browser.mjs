@@ -67,6 +67,12 @@ function is_about_graphics(text) {
   return /GPU stall|GL Driver Message|swiftshader|WebGL.*performance/i.test(text);
 }
 
+/** Ends a task: Stop asks once more. @param press  by mouse, finger or key */
+export async function press_stop(page, press = (stop) => stop.click()) {
+  await press(page.locator("#task-stop"));
+  await press(page.locator("#task-stop[data-asks=ready]"));
+}
+
 export const status = (page) => page.evaluate(() => window.__test);
 
 /** Equal for pages that show the same scene. */

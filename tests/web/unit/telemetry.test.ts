@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from "node:assert/strict";
 import test from "node:test";
+import { banner_lines } from "../../../viewer_node/web/src/panels";
 import { duration_words, forces_of, node_state, state_words, time_words } from "../../../viewer_node/web/src/state";
 import {
-  bin_of, kRequestedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kReplyTime, kTissueForce, kTransparency, Telemetry,
+  bin_of, kRequestedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kNodes, kReplyTime, kTissueForce, kTransparency, Telemetry,
 } from "../../../viewer_node/web/src/telemetry";
-import type { DeviceTelemetry, Health, MofcTelemetry, PhysicsTelemetry } from "../../../viewer_node/web/src/wire";
+import type { DeviceTelemetry, Health, MofcTelemetry, PhysicsTelemetry, ReplayState } from "../../../viewer_node/web/src/wire";
 
 const kDevice = 11n;
 const repeat = <T>(n: number, value: T): T[] => Array.from({ length: n }, () => value);
@@ -372,4 +373,24 @@ test("an event is shown at the tick that was sampled when it happened", () => {
   // another start of the device has another clock
   telemetry.take_device(device(0, 0, 20, {}, 12n), 2, 1000.3);
   assert.deepEqual(telemetry.instants, []);
+});
+
+test("a page that has just begun calls no node gone, and a replay that has ended none ever", () => {
+  const health = (silenceS: number, replay?: Partial<ReplayState>) =>
+    ({ nodes: kNodes.map((name) => ({ name, silenceS })), sides: [], markers: [], ...(replay ? { replay } : {}) }) as unknown as Health;
+  const gone = (telemetry: Telemetry, now_s: number) => banner_lines(telemetry, "", now_s).length;
+  const live = new Telemetry();
+  live.take_health(health(5), 10); // the session of before, as the server heard it last
+  assert.equal(gone(live, 10.1), 0);
+  assert.equal(gone(live, 11.3), 3, "they have not come");
+
+  const replay = { positionS: 63, lengthS: 63, isPaused: false, speedRatio: 1 };
+  const ended = new Telemetry();
+  for (let now_s = 0; now_s < 5; now_s += 0.2) {
+    ended.take_health(health(30 + now_s, replay), now_s);
+    assert.equal(gone(ended, now_s), 0, `${now_s}`);
+  }
+  // in one that goes on a silent node is gone
+  for (let now_s = 5; now_s < 7; now_s += 0.2) ended.take_health(health(30 + now_s, { ...replay, positionS: now_s }), now_s);
+  assert.equal(gone(ended, 7), 3);
 });

@@ -121,7 +121,7 @@ const handlers: Record<string, Handler> = {
     take_sides(message);
     telemetry.take_health(message, seconds(), sides.shown);
     hand.review();
-    task.take(message);
+    task.take(message, hand.status.is_mine);
     details.take(message.task !== undefined);
     view.set_goal(message.task?.goal ?? null);
     recordings.take(message.recorder);
@@ -518,9 +518,11 @@ function say(now_s: number, display: View): void {
   for (const plot of plots.timed) plot.tell(display); // of the same tick as the state
   if (!is_paused) plots.loop.tell(display);
   chips.write(telemetry, scene, is_connected(), now_s);
-  const problems = sides.problems();
-  write_banners(by_id("banners"), is_waiting ? [] : banners(problems, now_s));
-  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, problems, now_s));
+  // a page that was busy has not read yet what has arrived
+  const heard_s = Math.min(now_s, 1e-3 * client.heard_ms);
+  const problems = sides.problems(telemetry.replay_stands);
+  write_banners(by_id("banners"), is_waiting ? [] : banners(problems, now_s, heard_s));
+  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), verdicts.size > 0, hand.status, problems, heard_s));
   write_hand(hand.status, hand.is_touching);
   acknowledge.write(devices(now_s));
   counters.write(telemetry);
@@ -537,10 +539,10 @@ function devices(now_s: number): ShownDevice[] {
   return batch && telemetry.is_fresh("device", now_s) ? [{ ...batch.counters, side: "", session: batch.header.sessionId }] : [];
 }
 
-/** Failures of every side, whichever is on display. */
-function banners(problems_of_others: string[], now_s: number): Banner[] {
-  if (!is_connected()) return lost_lines(has_been_connected ? server_silence_s() : NaN, [...verdicts.values()], refusal);
-  const lines = [...banner_lines(telemetry, sides.shown, now_s), ...problems_of_others.map((text): Banner => ({ text, tone: "alarm" }))];
+/** Failures of every side, whichever is on display. @param heard_s  from the server */
+function banners(problems_of_others: string[], now_s: number, heard_s: number): Banner[] {
+  if (!is_connected()) return lost_lines(has_been_connected ? server_silence_s() : NaN, [...verdicts.values()], refusal, details.are_closed);
+  const lines = [...banner_lines(telemetry, sides.shown, heard_s), ...problems_of_others.map((text): Banner => ({ text, tone: "alarm" }))];
   return now_s < status.until_s ? [...lines, status] : lines;
 }
 

@@ -90,10 +90,12 @@ const alarm_of = (text: string): Banner => ({ text, tone: "alarm" });
  * @param silence_s  NaN: it was never connected
  * @param verdicts   the last words of the server; empty: it has said none
  * @param refusal    why the last attempt failed; may be empty
+ * @param is_plain   without the verdicts, which tell how the force was rendered
  */
-export function lost_lines(silence_s: number, verdicts: Verdict[], refusal: string): Banner[] {
+export function lost_lines(silence_s: number, verdicts: Verdict[], refusal: string, is_plain: boolean): Banner[] {
   if (verdicts.length > 0) {
-    return [{ text: "The session has ended.", tone: "calm" }, ...verdicts.map(({ words, is_good }): Banner => ({ text: words, tone: is_good ? "calm" : "alarm" }))];
+    const told = is_plain ? [] : verdicts;
+    return [{ text: "The session has ended.", tone: "calm" }, ...told.map(({ words, is_good }): Banner => ({ text: words, tone: is_good ? "calm" : "alarm" }))];
   }
   const lost = Number.isNaN(silence_s) ? "No connection to the viewer’s server. Trying again."
     : `Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Reconnecting.`;
@@ -103,7 +105,7 @@ export function lost_lines(silence_s: number, verdicts: Verdict[], refusal: stri
 /** Failures of the side on display. @param side  its name; "": there is one device */
 export function banner_lines(telemetry: Telemetry, side: string, now_s: number): Banner[] {
   const lines = kNodes
-    .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
+    .filter((name) => telemetry.nodes[name].is_gone(now_s))
     .map((name) => gone_words(name, telemetry.nodes[name].silence_s(now_s)));
   const recorder = telemetry.health?.recorder;
   if (recorder?.problem) lines.push(`The recording failed: ${recorder.problem}`);
@@ -115,7 +117,7 @@ export function announcement(
   telemetry: Telemetry, is_connected: boolean, has_ended: boolean, hand: HandStatus, problems_of_others: string[], now_s: number): string {
   if (!is_connected) return has_ended ? "The session has ended." : "Connection lost.";
   if (telemetry.guard === Guard.fault) return `Fault: ${fault_words(telemetry)}. The motors are off until reset.`;
-  const gone = kNodes.filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s));
+  const gone = kNodes.filter((name) => telemetry.nodes[name].is_gone(now_s));
   if (gone.length > 0) return `${gone.map((name) => `${name}_node`).join(" and ")} gone.`;
   // without the seconds, which would be read again and again
   if (problems_of_others.length > 0) return problems_of_others.map((one) => one.replace(/: last heard .*/, ".")).join(" ");

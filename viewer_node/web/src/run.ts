@@ -112,7 +112,7 @@ export class RunControl {
     this.text.hidden = this.marker.hidden;
     const is_recording = recorder?.isRecording ?? false;
     this.record.setAttribute("aria-pressed", String(is_recording));
-    write(this.record, is_recording ? `Stop ${clock_words(recorder!.lengthS)}` : "Record");
+    write(this.record, is_recording ? `Stop recording ${clock_words(recorder!.lengthS)}` : "Record");
     this.record.title = is_recording ? `Recording into ${recorder!.file}`
       : recorder?.file ? `Begin a recording; the last one is ${recorder.file}` : "Begin a recording";
     this.bar.hidden = replay === undefined;

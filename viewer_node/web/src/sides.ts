@@ -84,14 +84,17 @@ export class Sides {
     label.classList.toggle("is-shown", this.names[index] === this.shown);
   }
 
-  /** What is wrong with the sides that are not on display: the same of several is said once. */
-  problems(): string[] {
+  /**
+   * What is wrong with the sides that are not on display: the same of several is said once.
+   * @param replay_stands  nodes are silent with it
+   */
+  problems(replay_stands: boolean): string[] {
     const names_of = new Map<string, string[]>();
     const say = (text: string, name: string) => names_of.set(text, [...(names_of.get(text) ?? []), name]);
     for (const { name, guard, lastFault } of this.states) {
       if (name === this.shown) continue;
       if (guard === Guard.fault) say(`fault, the motors are off until reset: ${kFaultReasons[lastFault] ?? "unknown reason"}.`, name);
-      for (const node of kNodes) {
+      for (const node of replay_stands ? [] : kNodes) {
         const link = this.nodes.get(`${name}.${node}`);
         if (link && !link.isHeard && link.silenceS >= 0) say(gone_words(node, link.silenceS), name);
       }

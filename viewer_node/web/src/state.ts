@@ -109,6 +109,8 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
 /** The same for a person who is to notice the tissue, and not what renders its force: only that there is none. */
 export function plain_words(full: StateWords, telemetry: Telemetry): StateWords {
   switch (full.id) {
+    case "ended": // its verdict is not shown
+      return { ...full, detail: "Nothing is measured any more." };
     case "no_mofc":
     case "limp":
       return { ...full, title: "No force", detail: "The motors apply no force." };

@@ -69,6 +69,7 @@ export class NodeLink {
   records_lost = 0;
   /** Of its loop, by its own count and clock. */
   rate_hz = NaN;
+  private known_s = NaN; // since then this page knows of it
   private gap_s = 0; // between batches, smoothed
   private session = 0n;
   private sequence = 0n;
@@ -94,10 +95,15 @@ export class NodeLink {
     this.records_lost = Number(records_lost);
     const gap_s = now_s - this.heard_s;
     if (gap_s < kGoneAfter_s) this.gap_s += 0.1 * (gap_s - this.gap_s);
-    this.heard_s = now_s;
+    this.know(now_s, now_s);
     return is_restart;
   }
 
+  /** It was heard at this time. */
+  know(heard_s: number, now_s: number): void {
+    if (Number.isNaN(this.heard_s)) this.known_s = now_s;
+    this.heard_s = heard_s;
+  }
   silence_s(now_s: number): number {
     return now_s - this.heard_s;
   }
@@ -107,6 +113,10 @@ export class NodeLink {
   }
   is_alive(now_s: number): boolean {
     return now_s - this.heard_s < kGoneAfter_s;
+  }
+  /** It has fallen silent. A page that has only just begun has not waited for it yet. */
+  is_gone(now_s: number): boolean {
+    return !Number.isNaN(this.heard_s) && !this.is_alive(now_s) && now_s - this.known_s >= kGoneAfter_s;
   }
 }
 
@@ -124,6 +134,7 @@ export class Telemetry {
   mofc_batch: MofcTelemetry | null = null;
   physics_batch: PhysicsTelemetry | null = null;
   health: Health | null = null;
+  replay_stands = false; // its nodes are silent
 
   // newest tick of each
   readonly hand_m: Vector3 = { x: NaN, y: NaN, z: NaN }; // D, measured
@@ -273,16 +284,19 @@ export class Telemetry {
 
   /** Includes what the server received before this page connected. @param side  "" where there is one device */
   take_health(health: Health, now_s: number, side = ""): void {
+    const before = this.health?.replay;
     this.health = health;
     const prefix = side ? `${side}.` : "";
-    // a replay that stands still or creeps sends no batches; its nodes are not gone, nor for a page that comes then
-    const stands = health.replay !== undefined && (health.replay.isPaused || health.replay.speedRatio < kSlowReplay);
+    // a replay that stands still, creeps or has ended sends no batches; its nodes are not gone, nor for a page that comes then
+    const { replay } = health;
+    const stands = replay !== undefined && (replay.isPaused || replay.speedRatio < kSlowReplay || replay.positionS === (before?.positionS ?? replay.positionS));
+    this.replay_stands = stands;
     if (stands) {
       for (const name of kNodes) if (this.nodes[name].is_alive(now_s)) this.nodes[name].heard_s = now_s;
     }
     for (const { name, silenceS } of health.nodes) {
       const node = name.startsWith(prefix) ? this.nodes[name.slice(prefix.length) as NodeName] : undefined;
-      if (node && Number.isNaN(node.heard_s) && silenceS >= 0) node.heard_s = stands ? now_s : now_s - silenceS;
+      if (node && Number.isNaN(node.heard_s) && silenceS >= 0) node.know(stands ? now_s : now_s - silenceS, now_s);
     }
   }
 

@@ -241,6 +241,7 @@ export interface TaskState {
   findings: string[];
   figures: { label: string; value: string }[];
   goal?: Traction; // of a traction
+  isStartedByPerson: boolean; // else it began with the run
 }
 /** Where held tissue is to be brought. */
 export interface Traction {

@@ -3,6 +3,7 @@
 // score. In plain words; all of it by keyboard, and said to a screen reader.
 import { make, write } from "../card";
 import { clock_words, has_marks } from "../run";
+import { ConfirmedButton, Participation } from "./take_part";
 import { MarkerKind, TaskKind, TaskPhase, type Health, type RunRequest, type TaskMap, type TaskState, type Traction } from "../wire";
 
 /** As the server words the markers of a start and of a stop. */
@@ -103,7 +104,9 @@ export class TaskPanel {
   private readonly news = make("p", "heard");
   private readonly start: HTMLButtonElement;
   private readonly find: HTMLButtonElement;
-  private readonly stop: HTMLButtonElement;
+  private readonly join: HTMLButtonElement; // who did not start the task marks and stops it only after this
+  private readonly stop: ConfirmedButton;
+  private readonly participation = new Participation();
   private readonly findings = make("ul", "findings");
   private readonly map_key = make("p", "map-key"); // of the points on the organ
   private readonly force = new ForceTrace();
@@ -120,11 +123,21 @@ export class TaskPanel {
     };
     this.title.id = "task-title";
     this.news.setAttribute("role", "status");
-    this.start = button("task-start", "Start", "strong", () => this.publish({ marker: "", markerKind: MarkerKind.task_start }));
+    this.start = button("task-start", "Start", "strong", () => {
+      this.participation.begin();
+      this.publish({ marker: "", markerKind: MarkerKind.task_start });
+    });
     this.find = button("task-find", "Mark a find (M)", "strong", () => this.mark());
-    this.stop = button("task-stop", "Stop", "", () => this.publish({ marker: "", markerKind: MarkerKind.task_stop }));
+    this.join = button("task-join", "Take part", "", () => {
+      this.participation.begin();
+      if (this.state) this.write(this.state);
+      this.focus();
+    });
+    this.join.title = "Shows the buttons that mark and stop, which are for whoever does the task";
+    this.stop = new ConfirmedButton("task-stop", "Stop", "end the task", (words) => write(this.news, words),
+      () => this.publish({ marker: "", markerKind: MarkerKind.task_stop }));
     const buttons = make("div", "buttons");
-    buttons.append(this.start, this.find, this.stop);
+    buttons.append(this.start, this.find, this.stop.element, this.join);
     this.map_key.hidden = true;
     this.briefing.append(make("summary", "", "What to do"), this.briefing_text);
     element.append(this.title, this.briefing, this.progress, buttons, this.findings, this.map_key, this.force.element, this.figures, this.news);
@@ -165,7 +178,9 @@ export class TaskPanel {
     return true;
   }
 
-  take({ task, replay }: Health): void {
+  /** @param has_hand  this page leads the hand */
+  take({ task, replay }: Health, has_hand: boolean): void {
+    if (has_hand) this.participation.begin();
     this.element.hidden = task === undefined;
     if (!task) {
       this.state = null;
@@ -193,9 +208,13 @@ export class TaskPanel {
     write(this.progress, is_running ? time_words(task) + progress_words(task) : task.timeS > 0 ? `You have ${clock_words(task.timeS)}.` : "");
     this.progress.hidden = has_ended || this.progress.textContent === "";
     this.start.hidden = task.phase !== TaskPhase.waiting || !may_act;
-    this.find.hidden = !is_running || !has_marks(task.kind) || !may_act;
+    // whoever watches does not end the task of another with a touch
+    const is_watched = is_running && task.isStartedByPerson && !this.participation.takes_part;
+    this.join.hidden = !may_act || !is_watched;
+    this.find.hidden = !is_running || is_watched || !has_marks(task.kind) || !may_act;
     write(this.find, task.kind === TaskKind.needle ? "The resistance is lost (M)" : "Mark a find (M)");
-    this.stop.hidden = !is_running || !may_act;
+    this.stop.element.hidden = !is_running || is_watched || !may_act;
+    if (this.stop.element.hidden) this.stop.reset();
     this.findings.hidden = this.figures.hidden = !has_ended;
     // what scrolls is a stop of Tab, so that its end is reached by keys
     if (this.element.scrollHeight > this.element.clientHeight) this.element.tabIndex = 0;
@@ -223,7 +242,7 @@ export class TaskPanel {
 
   /** Keeps the keyboard where the button was that has gone. */
   private focus(): void {
-    const next = [this.start, this.find, this.stop].find((button) => !button.hidden);
+    const next = [this.start, this.find, this.stop.element, this.join].find((button) => !button.hidden);
     if (next) next.focus();
     else {
       this.title.tabIndex = -1;
