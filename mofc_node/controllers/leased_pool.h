@@ -50,8 +50,8 @@ class HoleLengths {
 /// shorter:
 ///
 ///     F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′, at δ = δ_p
-///     δ          what E′ has left then, if F may act for 8 ms, within δ_p … δ_max: F begins by then
-///     valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
+///     δ          what E′ has left then, if F may act for 8 ms, within δ_p … δ_max: F begins by
+///     then valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
 ///
 /// A force that ends unread in a hole costs all of its lease. So a pool that bridges holes takes,
 /// once that has happened, the length of recent ones for T in the first line, where T_lease,max
