@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -46,6 +47,14 @@ struct DeviceSpecification {
   /// 0: the motors hold the force, or no bound is known; infinite: the workspace has a singular
   /// place of the arm, and no force acts.
   double turning_per_m = 0.0;
+
+  /// How far on each axis of D something bounds what held currents do: infinite where none are
+  /// held.
+  [[nodiscard]] Vector3 bounded_reach_m() const noexcept {
+    return held_force_ratio > 1.0 || turning_per_m > 0.0
+               ? workspace_half_extent_m
+               : Vector3::Constant(std::numeric_limits<double>::infinity());
+  }
 };
 
 /// One reading of position and buttons.

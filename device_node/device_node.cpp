@@ -62,7 +62,7 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
                                                   ? device.specification().turning_per_m
                                                   : 0.0}),  // no force then
                journal),
-      watch_(config, device.specification()),
+      watch_(config, device.specification().bounded_reach_m()),
       frozen_(config),
       measured_(config),
       motor_check_({.rate_hz = config.rate_hz,

@@ -11,7 +11,6 @@
 #include "common/core/time.h"
 #include "common/core/vector.h"
 #include "common/session/device_config.h"
-#include "device_node/device.h"
 
 namespace palpate::device {
 
@@ -29,16 +28,13 @@ namespace palpate::device {
 /// occurred 100 times and is more than q, each further one. No allocation, no throw.
 class AssumptionWatch {
  public:
-  /// Without a specification no reading is outside.
+  /// @param farthest_m  on each axis of D: beyond it nothing bounds what held currents do
   explicit AssumptionWatch(const DeviceConfig& config,
-                           const DeviceSpecification& specification = {}) noexcept
+                           const Vector3& farthest_m =
+                               Vector3::Constant(std::numeric_limits<double>::infinity())) noexcept
       : v_max_m_per_s_(config.monitor.v_max_m_per_s),
-        resolution_m_(config.profile.position_resolution_m) {
-    // beyond it nothing bounds what the currents do that the motors hold
-    if (specification.held_force_ratio > 1.0 || specification.turning_per_m > 0.0) {
-      farthest_m_ = specification.workspace_half_extent_m;
-    }
-  }
+        resolution_m_(config.profile.position_resolution_m),
+        farthest_m_(farthest_m) {}
 
   void is_at(const Vector3& position_m) noexcept {
     if ((position_m.cwiseAbs() - farthest_m_).maxCoeff() > 0.0) ++outside_;
@@ -73,7 +69,7 @@ class AssumptionWatch {
 
   double v_max_m_per_s_;
   double resolution_m_;
-  Vector3 farthest_m_ = Vector3::Constant(std::numeric_limits<double>::infinity());
+  Vector3 farthest_m_;
   std::array<Axis, 3> axes_{};
   std::uint64_t too_fast_ = 0;
   std::uint64_t coarse_ = 0;
