@@ -2,7 +2,7 @@
 // live.test.mjs: the page over the real programs, on loopback ports, in the sessions that are shipped.
 import assert from "node:assert/strict";
 import { after, afterEach, before, test } from "node:test";
-import { at_most, drawn, hold_when, kSkipScreenshots, late_pages, launch, open, picture, scene_signature, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+import { at_most, drawn, hold_when, kSkipScreenshots, late_pages, launch, open, picture, press_stop, scene_signature, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
 import { QuietMachine } from "./support/machine.mjs";
 import { kLimit, Nodes } from "./support/nodes.mjs";
 
@@ -219,7 +219,7 @@ test_alone("a lesion is hidden until the task has ended, and then shown with the
   assert.ok(!tells("radius_m:") && !tells("block, part") && !tells("palpable_newton"));
   const metrics = await (await fetch(`${nodes.url}metrics`)).text();
   assert.doesNotMatch(metrics, /lump|part/);
-  await page.getByRole("button", { name: "Stop" }).click();
+  await press_stop(page);
   await page.locator("#task", { hasText: "Found 0 of 1." }).waitFor();
   await page.locator("#task", { hasText: "1 mark was set without touching the tissue." }).waitFor();
   await until(page, (t) => t.scene.tissues.length === 2, "the lump");
@@ -285,7 +285,7 @@ test_alone("screenshots of a task that has ended", { skip: kLimit.skip || kSkipS
   nodes = await Nodes.start([], "tasks/lump_search");
   const page = await open(browser, nodes.url, { scale: 1, width: 960, height: 700 });
   await until(page, (t) => t.now_s > 11.5, "the whole search");
-  await page.getByRole("button", { name: "Stop" }).click();
+  await press_stop(page);
   await page.context().close();
   for (const [name, dark] of [["task_score_light", false], ["task_score_dark", true]]) {
     const shown = await open(browser, nodes.url, { scale: 1, width: 960, height: 700, dark });

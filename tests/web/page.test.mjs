@@ -591,7 +591,7 @@ page_test("markers and events are lines in the plots, where they happened", { pa
   server.write_log("device_node", 'event=device_fault reason="the position jumped" count=1', 4);
   await until(page, (t) => t.now_s > begin_s + 0.8, "a moment, so that the lines are apart");
   await page.keyboard.press("m");
-  const shown = await until(page, (t) => t.instants.some(({ tone }) => tone === "marker"), "the marker in the plots");
+  const shown = await until(page, (t) => ["marker", "alarm"].every((one) => t.instants.some(({ tone }) => tone === one)), "marker and fault in the plots");
   const fault = shown.instants.find(({ tone }) => tone === "alarm");
   assert.equal(fault.text, "fault: the position jumped");
   const happened_s = shown.now_s + fault.at_s;

@@ -67,11 +67,22 @@ function is_about_graphics(text) {
   return /GPU stall|GL Driver Message|swiftshader|WebGL.*performance/i.test(text);
 }
 
-/** Ends a task: Stop asks once more. @param press  by mouse, finger or key */
+/**
+ * Ends a task: Stop asks once more, for 6 s, which a slow machine may not meet at once.
+ * @param press  by mouse, finger or key
+ */
 export async function press_stop(page, press = (stop) => stop.click()) {
-  await press(page.locator("#task-stop"));
-  await press(page.locator("#task-stop[data-asks=ready]"));
+  const stop = page.locator("#task-stop");
+  const ready = page.locator("#task-stop[data-asks=ready]");
+  for (const end = performance.now() + kPatience_ms; performance.now() < end;) {
+    await press(stop);
+    if (!(await comes(ready.waitFor({ timeout: 6000 })))) continue;
+    await press(stop);
+    if (await comes(stop.waitFor({ state: "hidden", timeout: 5000 }))) return;
+  }
+  assert.fail("the task does not end with Stop");
 }
+const comes = (wait) => wait.then(() => true, () => false);
 
 export const status = (page) => page.evaluate(() => window.__test);
 
