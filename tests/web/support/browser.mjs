@@ -96,7 +96,7 @@ export async function until(page, predicate, what) {
     const now = await status(page);
     if (predicate(now)) return now;
     if (performance.now() - begin > kPatience_ms) {
-      assert.fail(`waited ${kPatience_ms} ms for ${what}; the page's state: ${JSON.stringify(now)}`);
+      assert.fail(`waited ${kPatience_ms} ms for ${what}; the page's state: ${JSON.stringify(now, (_, value) => (typeof value === "bigint" ? String(value) : value))}`);
     }
     await page.waitForTimeout(20);
   }
