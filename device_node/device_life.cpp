@@ -32,15 +32,18 @@ std::string micrometre_text(double metre) {
   return text.data();
 }
 
+/// The motors end a force by themselves, or the session accepts that they do not, and it can.
+bool may_exceed_friction(const DeviceConfig& config, const DeviceSpecification& specification) {
+  return specification.has_motor_watchdog ||
+         (config.accepts_no_motor_watchdog && std::isfinite(specification.turning_per_m));
+}
+
 }  // namespace
 
 /// Lemma: held_torque.
 double largest_force_newton(const DeviceConfig& config,
                             const DeviceSpecification& specification) noexcept {
-  const bool may_exceed_friction =
-      specification.has_motor_watchdog ||
-      (config.accepts_no_motor_watchdog && std::isfinite(specification.turning_per_m));
-  return may_exceed_friction
+  return may_exceed_friction(config, specification)
              ? specification.peak_force_newton
              : std::min(specification.peak_force_newton,
                         config.profile.coulomb_newton / specification.held_force_ratio);
@@ -49,10 +52,7 @@ double largest_force_newton(const DeviceConfig& config,
 std::optional<FrictionLimit> friction_limit(const DeviceConfig& config,
                                             const DeviceSpecification& specification,
                                             const std::string& driver) {
-  if (specification.has_motor_watchdog ||
-      (config.accepts_no_motor_watchdog && std::isfinite(specification.turning_per_m))) {
-    return std::nullopt;
-  }
+  if (may_exceed_friction(config, specification)) return std::nullopt;
   const double newton = largest_force_newton(config, specification);
   if (config.peak_force_newton < newton) {
     return FrictionLimit{config.peak_force_newton, false, "device.peak_force_newton", ""};

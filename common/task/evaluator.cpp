@@ -295,13 +295,12 @@ double TaskEvaluator::depth_m(const SearchedSurface::Foot& foot, const Vector3& 
 void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
   forces_.add(sample.newton, elapsed_s);
   if (!foot_) return;
-  const auto& foot = foot_;
-  touch_ = Touch{sample.t_s, *foot};
-  depths_.add(depth_m(*foot, sample.tip_m));
-  const bool is_elsewhere_now = !((foot->point_m - searched_m_).norm() < kSameFoot_m);
+  touch_ = Touch{sample.t_s, *foot_};
+  depths_.add(depth_m(*foot_, sample.tip_m));
+  const bool is_elsewhere_now = !((foot_->point_m - searched_m_).norm() < kSameFoot_m);
   if (sample.newton >= palpation()->least_force_newton && is_elsewhere_now) {
-    surface_->search(foot->point_m);
-    searched_m_ = foot->point_m;
+    surface_->search(foot_->point_m);
+    searched_m_ = foot_->point_m;
   }
   bool is_over = false;
   for (Region& region : regions_) {
@@ -309,7 +308,7 @@ void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
     const bool is_here =
         is_elsewhere
             ? !is_over
-            : region.above_m && (foot->point_m - *region.above_m).norm() <= region.within_m;
+            : region.above_m && (foot_->point_m - *region.above_m).norm() <= region.within_m;
     if (!is_here) continue;
     is_over = true;
     region.forces.add(sample.newton, elapsed_s);

@@ -130,8 +130,8 @@ class StoppableBench final : public OpenedDevice {
       throw ChecksStopped{fmt::format(
           ": the arm is {:.0f} mm from where they began, pushed or moved by hand (a push ends "
           "after 1 mm, and an arm with little friction coasts on; motors that push one way "
-          "whatever "
-          "the sign carry it off): give a smaller device.peak_force_newton, or pad its end stops",
+          "whatever the sign carry it off): give a smaller device.peak_force_newton, or pad its "
+          "end stops",
           1e3 * travel_->travel_m())};
     }
     OpenedDevice::pass(time);

@@ -127,37 +127,48 @@ HeldForce held_force(const Vector3& workspace_half_extent_m, const Vector3& coun
     }
     return std::sqrt(turning2);
   };
+  const auto ratio_of = [](const Matrix3& force_by_torque, const Matrix3& torque_by_force) {
+    return Eigen::JacobiSVD<Matrix3>(Matrix3(force_by_torque * torque_by_force))
+        .singularValues()[0];
+  };
   /// Commanded at the first place, at the second one.
   const auto ratio_at = [&](const std::array<double, 6>& share) {
     const auto here = jacobian_at(place_m(Vector3(share[0], share[1], share[2])));
     const auto there = jacobian_at(place_m(Vector3(share[3], share[4], share[5])));
     if (!here || !there) return std::numeric_limits<double>::infinity();
-    return Eigen::JacobiSVD<Matrix3>(Matrix3(there->transpose().inverse() * here->transpose()))
-        .singularValues()[0];
+    return ratio_of(there->transpose().inverse(), here->transpose());
   };
-  std::vector<std::array<double, 3>> places;
+  struct Place {
+    std::array<double, 3> share;
+    Matrix3 torque_by_force;
+    Matrix3 force_by_torque;
+  };
+  std::vector<Place> places;
+  std::array<double, 3> turning_most{};
+  double turning = -1.0;
   const auto take = [&](const Vector3& share) {
-    places.push_back({share.x(), share.y(), share.z()});
+    const Matrix3 torque_by_force = jacobian_at(place_m(share))->transpose();
+    places.push_back(
+        {{share.x(), share.y(), share.z()}, torque_by_force, torque_by_force.inverse()});
+    if (const double here = turning_at(places.back().share); here > turning) {
+      turning = here;
+      turning_most = places.back().share;
+    }
     return true;
   };
   each(kPairs, take);
   for (const Most& most : largest) take(most.share);
   std::array<double, 6> worst_pair{};
   double ratio = 0.0;
-  for (const auto& a : places) {
-    for (const auto& b : places) {
-      const std::array<double, 6> pair{a[0], a[1], a[2], b[0], b[1], b[2]};
-      const double other = ratio_at(pair);
+  for (const Place& a : places) {
+    for (const Place& b : places) {
+      const double other = ratio_of(b.force_by_torque, a.torque_by_force);
       if (other <= ratio) continue;
       ratio = other;
-      worst_pair = pair;
+      worst_pair = {a.share[0], a.share[1], a.share[2], b.share[0], b.share[1], b.share[2]};
     }
   }
-  const auto turns_less = [&](const auto& a, const auto& b) {
-    return turning_at(a) < turning_at(b);
-  };
-  held.turning_per_m =
-      climbed(*std::max_element(places.begin(), places.end(), turns_less), turning_at);
+  held.turning_per_m = climbed(turning_most, turning_at);
   held.ratio = std::max(1.0, climbed(worst_pair, ratio_at));
   return held;
 }

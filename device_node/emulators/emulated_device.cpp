@@ -13,57 +13,43 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, WireFault>, 31> kWireFaults{
+struct KnownFault {
+  std::string_view name;
+  WireFault kind;
+  std::string_view drivers = {};  ///< of which devices alone; none: of all
+};
+constexpr std::array<KnownFault, 31> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
      {"garbage", WireFault::kGarbage},
      {"short", WireFault::kShort},
-     {"wrong_id", WireFault::kWrongId},
+     {"wrong_id", WireFault::kWrongId, "haply_inverse hapi"},
      {"stuck", WireFault::kStuck},
-     {"echo", WireFault::kEcho},
+     {"echo", WireFault::kEcho, "falcon"},
      {"no_watchdog", WireFault::kNoWatchdog},
-     {"no_supply", WireFault::kNoSupply},
-     {"uncalibrated", WireFault::kUncalibrated},
-     {"power_cycle", WireFault::kPowerCycle},
-     {"encoder_zero", WireFault::kEncoderZero},
-     {"set_up_anywhere", WireFault::kSetUpAnywhere},
+     {"no_supply", WireFault::kNoSupply, "haply_inverse"},
+     {"uncalibrated", WireFault::kUncalibrated, "haply_inverse"},
+     {"power_cycle", WireFault::kPowerCycle, "hapi wooden"},
+     {"encoder_zero", WireFault::kEncoderZero, "falcon wooden"},
+     {"set_up_anywhere", WireFault::kSetUpAnywhere, "hapi"},
      {"doubled", WireFault::kDoubled},
-     {"grip_gone", WireFault::kGripGone},
-     {"grip_off", WireFault::kGripOff},
-     {"grip_frozen", WireFault::kGripFrozen},
+     {"grip_gone", WireFault::kGripGone, "haply_inverse"},
+     {"grip_off", WireFault::kGripOff, "haply_inverse"},
+     {"grip_frozen", WireFault::kGripFrozen, "haply_inverse"},
      {"watchdog_20", WireFault::kWatchdog20},
      {"watchdog_100", WireFault::kWatchdog100},
      {"watchdog_500", WireFault::kWatchdog500},
      {"late", WireFault::kLate},
      {"one_tick", WireFault::kOneTick},
-     {"turning", WireFault::kTurning},
+     {"turning", WireFault::kTurning, "hapi falcon wooden"},
      {"reversed", WireFault::kReversed},
      {"strong", WireFault::kStrong},
      {"weight", WireFault::kWeight},
      {"dropped", WireFault::kDropped},
-     {"partial", WireFault::kPartial},
+     {"partial", WireFault::kPartial, "hapi falcon wooden"},
      {"merged", WireFault::kMerged},
-     {"unlisted", WireFault::kUnlisted}}};
-
-/// Kinds that only these devices know.
-struct KindOf {
-  WireFault kind;
-  const char* drivers;
-};
-constexpr std::array kKindsOf{KindOf{WireFault::kEcho, "falcon"},
-                              KindOf{WireFault::kNoSupply, "haply_inverse"},
-                              KindOf{WireFault::kUncalibrated, "haply_inverse"},
-                              KindOf{WireFault::kGripGone, "haply_inverse"},
-                              KindOf{WireFault::kGripOff, "haply_inverse"},
-                              KindOf{WireFault::kGripFrozen, "haply_inverse"},
-                              KindOf{WireFault::kUnlisted, "haply_inverse"},
-                              KindOf{WireFault::kWrongId, "haply_inverse hapi"},
-                              KindOf{WireFault::kSetUpAnywhere, "hapi"},
-                              KindOf{WireFault::kPowerCycle, "hapi wooden"},
-                              KindOf{WireFault::kEncoderZero, "falcon wooden"},
-                              KindOf{WireFault::kPartial, "hapi falcon wooden"},
-                              KindOf{WireFault::kTurning, "hapi falcon wooden"}};
+     {"unlisted", WireFault::kUnlisted, "haply_inverse"}}};
 
 constexpr double kWeightNewton = 0.5;
 constexpr std::uint64_t kDroppedOneIn = 20;
@@ -71,6 +57,12 @@ constexpr std::uint64_t kDroppedOneIn = 20;
 bool read_number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc() && end == text.data() + text.size() && value >= 0.0 && value < 1e6;
+}
+
+SetupError fault_of_another(const std::string& text, const std::string& driver,
+                            std::string_view drivers) {
+  return SetupError("--fault \"" + text + "\": is no fault of " + driver + " but of " +
+                    std::string(drivers) + "; leave it out");
 }
 
 bool is_in(const PlannedFault& fault, double now_s) {
@@ -89,7 +81,7 @@ std::vector<FaultOutcome> outcomes_of(const std::vector<PlannedFault>& faults) {
 std::vector<std::string> fault_kinds() {
   std::vector<std::string> kinds;
   kinds.reserve(kWireFaults.size());
-  for (const auto& [name, kind] : kWireFaults) kinds.emplace_back(name);
+  for (const KnownFault& known : kWireFaults) kinds.emplace_back(known.name);
   return kinds;
 }
 
@@ -98,18 +90,15 @@ PlannedFault parse_fault(const std::string& text, const std::string& driver) {
   const std::size_t at = all.find('@');
   const std::size_t colon = all.find(':');
   if (at != std::string_view::npos && colon != std::string_view::npos && at < colon) {
-    for (const auto& [name, kind] : kWireFaults) {
+    for (const auto& [name, kind, drivers] : kWireFaults) {
       PlannedFault fault{.kind = kind};
       double length_ms = 0.0;
       if (all.substr(0, at) == name &&
           read_number(all.substr(at + 1, colon - at - 1), fault.from_s) &&
           read_number(all.substr(colon + 1), length_ms)) {
         fault.length_s = 1e-3 * length_ms;
-        for (const KindOf& one : kKindsOf) {
-          if (one.kind != kind || std::string(one.drivers).find(driver) != std::string::npos)
-            continue;
-          throw SetupError("--fault \"" + text + "\": is no fault of " + driver + " but of " +
-                           one.drivers + "; leave it out");
+        if (!drivers.empty() && drivers.find(driver) == std::string_view::npos) {
+          throw fault_of_another(text, driver, drivers);
         }
         return fault;
       }
