@@ -96,8 +96,7 @@ ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const no
   // what the force that acts now can still drain before this answer replaces it
   const double energy = std::min(ledger_.energy_joule(), input.energy_limit_joule);
   const double acting_s = std::max(0.0, input.acting_lease_s);
-  const double acting_watt =
-      acting_s > 0.0 ? clamp_.drain_watt(input.acting_force_on_hand_newton) : 0.0;
+  const double acting_watt = clamp_.drain_watt(input.acting_force_on_hand_newton);
   const auto spent_within = [&](double within_s) {
     const double left_s = std::min(acting_s, within_s);
     return left_s > 0.0 ? left_s * acting_watt : 0.0;
@@ -119,7 +118,7 @@ ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const no
   const double drain = clamp_.drain_watt(output.force_on_hand_newton);
   const double kept_s = std::max(covered_s, std::min(longest_s, kKeptLease_s));
   const double spare = energy - spent - kept_s * drain;
-  if (acting_watt > 0.0 && spare > 0.0) delta_s += spare / acting_watt;
+  if (acting_watt > 0.0) delta_s += std::max(0.0, spare) / acting_watt;
   // beyond the rest of its lease the acting force costs no more
   if (acting_watt == 0.0 || delta_s >= std::min(acting_s, p_.delta_max_s)) delta_s = p_.delta_max_s;
   spent = spent_within(delta_s);

@@ -37,6 +37,17 @@ ForceCommand command(const Vector3& force_newton, Duration valid_for = 2ms) {
 /// The next reading comes at once.
 GuardedForce missed(GuardedMotors& guard, TimePoint now) { return guard.missed(now, now); }
 
+TEST(LatestBeginning, IsTheAnswersOwnButNotAfterTheTicks) {
+  ForceCommand answer = command(Vector3::UnitX());
+  EXPECT_EQ(latest_beginning(answer, kStart, kStart + 800us), kStart + 800us);
+  answer.begins_within = 1ns;
+  EXPECT_EQ(latest_beginning(answer, kStart, kStart + 800us), kStart + 1ns);
+  answer.begins_within = 700us;
+  EXPECT_EQ(latest_beginning(answer, kStart, kStart + 800us), kStart + 700us);
+  answer.begins_within = 900us;
+  EXPECT_EQ(latest_beginning(answer, kStart, kStart + 800us), kStart + 800us);
+}
+
 TEST(ForceGuard, GivesNoForceBeforeTheFirstAnswer) {
   GuardedMotors guard(config(), kDevicePeak_newton);
 

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "common/core/random.h"
@@ -14,6 +16,7 @@
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/one_pool_clamp.h"
 #include "mofc_node/controllers/paper_mofc.h"
+#include "mofc_node/controllers/safety_net.h"
 #include "mofc_node/controllers/vector_mofc.h"
 
 namespace palpate::controllers {
@@ -58,7 +61,8 @@ class PoolByTheEquations {
   }
 
   ControlOutput grant(const ControlInput& input, double gate) const {
-    const double prompt_s = p_.prompt_s > 0.0 ? p_.prompt_s : p_.delta_max_s;
+    double prompt_s = p_.delta_max_s;
+    if (p_.prompt_s > 0.0 && p_.prompt_s < prompt_s) prompt_s = p_.prompt_s;
     const double drain = clamp_.drain_watt(input.acting_force_on_hand_newton);
     double energy = ledger_.energy_joule();
     if (input.energy_limit_joule < energy) energy = input.energy_limit_joule;
@@ -75,6 +79,7 @@ class PoolByTheEquations {
     ControlOutput output =
         clamp_.clamp(input.requested_force_on_hand_newton, free * (p_.mofc.T / covered), gate);
     output.ledger_energy_joule = energy;
+    output.counted_energy_joule = ledger_.energy_joule();
     output.lease_s = std::max(p_.mofc.T, p_.longest_lease_s);
     const double power = clamp_.drain_watt(output.force_on_hand_newton);
     const double kept = std::max(covered, std::min(longest, 8e-3));
@@ -283,7 +288,8 @@ GuardParameters parameters_of(std::uint64_t seed) {
                     .contact_credit_joule = random.uniform(0.0, 3e-3),
                     .gate_joule = random.uniform(0.3e-3, 3e-3),
                     .gate_recovery_s = random.uniform(0.02, 0.3)};
-  if (random.chance(0.7)) p.prompt_s = random.uniform(0.0, p.delta_max_s);
+  if (random.chance(0.7)) p.prompt_s = random.uniform(0.0, 1.2 * p.delta_max_s);
+  if (random.chance(0.1)) p.longest_lease_s = 2.0;
   if (random.chance(0.5)) {
     p.per_axis = AxisFriction{.f_d = {0.1, random.uniform(0.0, 0.5), 0.3},
                               .f_co = {random.uniform(0.0, 0.2), 0.1, 0.0}};
@@ -294,6 +300,8 @@ GuardParameters parameters_of(std::uint64_t seed) {
 void expect_same(const ControlOutput& out, const ControlOutput& expected) {
   const double energy = 1e-12 * (1e-3 + std::abs(expected.ledger_energy_joule));
   EXPECT_NEAR(out.ledger_energy_joule, expected.ledger_energy_joule, energy);
+  EXPECT_NEAR(out.counted_energy_joule, expected.counted_energy_joule,
+              1e-12 * (1e-3 + std::abs(expected.counted_energy_joule)));
   EXPECT_LT((out.force_on_hand_newton - expected.force_on_hand_newton).norm(), 1e-9);
   EXPECT_LT((out.f_max_newton - expected.f_max_newton).norm(), 1e-9 * expected.f_max_newton.norm());
   EXPECT_NEAR(out.lease_s, expected.lease_s, 1e-9);
@@ -371,6 +379,25 @@ TEST(VectorMofc, WithoutDelayNothingIsReservedEvenForAForceOfUnboundedDrain) {
 
   EXPECT_NEAR(out.ledger_energy_joule, 10e-3, 1e-12);
   EXPECT_NEAR(out.f_max_newton.y(), 1.0 + 2.0 * std::sqrt(0.1 * 0.01 / 0.02), 1e-9);
+}
+
+// Friction on x alone, and 10 mJ of it: a force along y has no bound of what it may have drawn
+// while nobody read, so that the credit is gone, no more, and the ledger goes on from the next
+// reading.
+TEST(VectorMofc, AnUnreadForceOfUnboundedDrainTakesTheCredit) {
+  const AxisFriction only_x{.f_d = Vector3(0.1, 0, 0), .f_co = Vector3(0.1, 0, 0)};
+  VectorMofc controller(kPhantom, 0.0, 0.0, only_x);
+  const std::vector<AppliedStretch> free{stretch(1.0, Vector3::Zero(), {0.1, 0, 0})};
+  const std::vector<AppliedStretch> lost{unread(0.01, Vector3::UnitY())};
+  const std::vector<AppliedStretch> on{stretch(1.0, Vector3::Zero(), {0.4, 0, 0})};
+  (void)controller.step(ControlInput{});
+  EXPECT_NEAR(
+      controller.step({.hand_position_m = {0.1, 0, 0}, .applied = free}).ledger_energy_joule, 11e-3,
+      1e-12);
+  EXPECT_EQ(controller.step({.hand_position_m = {0.3, 0, 0}, .applied = lost}).ledger_energy_joule,
+            0.0);
+  EXPECT_NEAR(controller.step({.hand_position_m = {0.4, 0, 0}, .applied = on}).ledger_energy_joule,
+              11e-3, 1e-12);
 }
 
 // 0.12 m free in two halves of 0.5 s: 2·(0.1·0.06²/0.5 + 0.1·0.06) = 13.44 mJ on x. A reset forgets
@@ -603,6 +630,56 @@ TEST(ControllerOutput, IsClampedOnlyBeyondTheBound) {
   EXPECT_TRUE(is_clamped({0, 0, -0.11}));
 }
 
+/// Answers one force, and counts resets.
+class Constant final : public ForceController {
+ public:
+  Constant(const Vector3& force_newton, int& resets)
+      : force_newton_(force_newton), resets_(resets) {}
+  void reset() noexcept override { ++resets_; }
+  ControlOutput step(const ControlInput& input) noexcept override {
+    (void)input;
+    ControlOutput output;
+    output.force_on_hand_newton = force_newton_;
+    output.sent_wave.sum = Vector3(1, 2, 3);
+    return output;
+  }
+
+ private:
+  Vector3 force_newton_;
+  int& resets_;
+};
+
+// A hand that slides: guard gets what the inner controller answers, as if it had been asked for it.
+TEST(SafetyNet, IsGuardOnTheAnswerOfTheInnerController) {
+  const GuardParameters parameters{.mofc = kPhantom, .longest_lease_s = 0.1};
+  const std::vector<AppliedStretch> slide{stretch(1.0, Vector3::Zero(), {0.1, 0, 0})};
+  for (const Vector3& inner : {Vector3(0.05, 0, 0), Vector3(9, 0, 0), Vector3(0, -0.2, 0.1),
+                               Vector3(std::numeric_limits<double>::quiet_NaN(), 0, 0)}) {
+    int resets = 0;
+    SafetyNet net(std::make_unique<Constant>(inner, resets), parameters);
+    GuardMofc guard(parameters);
+    for (int round = 0; round < 2; ++round) {
+      for (const ControlInput& asked :
+           {ControlInput{.applied = {}, .requested_force_on_hand_newton = inner},
+            ControlInput{.hand_position_m = {0.1, 0, 0},
+            .applied = slide,
+            .requested_force_on_hand_newton = Vector3(0.05, 0, 0)}}) {
+        ControlInput answered = asked;
+        answered.requested_force_on_hand_newton = inner.allFinite() ? inner : Vector3::Zero();
+        const ControlOutput out = net.step(asked);
+        const ControlOutput limited = guard.step(answered);
+        expect_same(out, limited);
+        EXPECT_EQ(out.sent_wave.sum, Vector3(1, 2, 3));
+        EXPECT_EQ(out.is_clamped,
+                  limited.force_on_hand_newton != asked.requested_force_on_hand_newton);
+      }
+      net.reset();
+      guard.reset();
+      EXPECT_EQ(resets, round + 1);
+    }
+  }
+}
+
 /// Rounding units, 2⁻⁵² of `of`, by which `value` is below `exact`.
 double units_below(double exact, double value, double of = 1.0) {
   return (exact - value) / (of * std::numeric_limits<double>::epsilon());
@@ -718,6 +795,7 @@ TEST(ControllerDefaults, AreThoseOfTheHeaders) {
   const ControlOutput output;
   EXPECT_EQ(output.ledger_energy_joule, 0.0);
   EXPECT_EQ(output.lease_s, 0.0);
+  EXPECT_EQ(output.begins_within_s, 0.0);
   EXPECT_FALSE(output.is_clamped);
   EXPECT_FALSE(output.is_too_fast);
 }

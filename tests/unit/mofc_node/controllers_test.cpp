@@ -101,7 +101,7 @@ TEST(MofcEquations, MaximumForceOnAHandOfBoundedSpeed) {
   EXPECT_NEAR(maximum_force_newton({.f_d = 0.0, .f_co = 0.1, .T = 0.02}, 8e-3, 0.5), 0.9, 1e-15);
 }
 
-constexpr GuardParameters kGuard{.mofc = kOmni, .v_max_m_per_s = 0.5};
+const GuardParameters kGuard{.mofc = kOmni, .v_max_m_per_s = 0.5};
 
 // 10 mm free along −z in 20 ms, then 1 N requested against it:
 //   E′ = 0.1·1e−4/0.02 + 0.1·0.01 = 1.5 mJ, so f* = 0.1 + 0.05 + 1.5e−3/0.01 = 0.3 N
@@ -226,6 +226,29 @@ TEST(HoleLengths, ThreeWithinTwoSecondsCount) {
   EXPECT_EQ(holes.longest_s(), 7e-3);
   for (int k = 0; k < 1000; ++k) holes.note(1e-3, 2e-3);
   EXPECT_EQ(holes.longest_s(), 0.0);
+}
+
+// In 1/1024 s, without rounding: a span ends once it is longer than a second.
+TEST(HoleLengths, LastForTwoSpansOfMoreThanASecond) {
+  constexpr double kUnit_s = 1.0 / 1024.0;
+  HoleLengths holes;
+  for (int k = 0; k < 3; ++k) holes.note(4.0 * kUnit_s, kUnit_s);
+  for (int k = 12; k < 2 * 1025 - 1; ++k) holes.note(kUnit_s, kUnit_s);
+  EXPECT_EQ(holes.longest_s(), 4.0 * kUnit_s);
+  holes.note(kUnit_s, kUnit_s);
+  EXPECT_EQ(holes.longest_s(), 0.0);
+}
+
+TEST(HoleLengths, ASpanOfMoreThanTwoSecondsEndsWhatWasBefore) {
+  const auto longest_s = [](double span_s) {
+    constexpr double kHole_s = 1.0 / 256.0;
+    HoleLengths holes;
+    for (int k = 0; k < 3; ++k) holes.note(kHole_s, 2e-3);
+    holes.note(span_s - 3.0 * kHole_s, 2e-3);
+    return holes.longest_s();
+  };
+  EXPECT_EQ(longest_s(2.0), 2.0 - 3.0 / 256.0);
+  EXPECT_EQ(longest_s(2.0 + 1.0 / 1024.0), 0.0);
 }
 
 // After holes of 8 ms, in one of which a force ended unread, a force is granted that lasts for 8
