@@ -24,6 +24,9 @@ struct FaceAngles {
   std::size_t slivers = 0;                    ///< elements with an angle below kSliverAngle_degrees
 };
 inline constexpr double kSliverAngle_degrees = 5.0;
+/// Quadratic elements of more have so many nodes that a body takes minutes and gigabytes: sessions
+/// take them as linear ones.
+inline constexpr std::size_t kMostQuadratic = 20'000;
 /// Of one element [rad].
 [[nodiscard]] std::array<double, 6> face_angles_rad(const physics::TetrahedralMesh& mesh,
                                                     std::size_t element);

@@ -28,8 +28,6 @@ constexpr std::size_t kMostParts = 64;  // of an elastic body in a session
 constexpr double kHeldShare = 0.2;      // of the height, from below
 constexpr std::uint64_t kManyVoxels = 5000;
 constexpr std::size_t kMostLabels = 1000;
-// Quadratic elements of more have so many nodes that a body takes minutes and gigabytes.
-constexpr std::size_t kMostQuadratic = 20'000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
@@ -275,7 +273,9 @@ class Import {
         options_.scanned.c_str(), gravity_.x(), gravity_.y(), gravity_.z(), -kGravity_m_per_s2);
   }
 
-  [[nodiscard]] bool is_linear() const { return organ_.mesh.tetrahedra.size() > kMostQuadratic; }
+  [[nodiscard]] bool is_linear() const {
+    return organ_.mesh.tetrahedra.size() > scan::kMostQuadratic;
+  }
 
   [[nodiscard]] std::string session() const {
     // the hand drifts over the place
@@ -398,7 +398,7 @@ class Import {
       text += text_of(
           "  more than %zu tetrahedra: as linear elements, which are a few percent too stiff; "
           "fewer are quadratic, and truer\n",
-          kMostQuadratic);
+          scan::kMostQuadratic);
     }
     if (organ_.lost_m3 > 0.0)
       text += text_of(

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // import_bench: what `palpate import` makes of voxels, as a hand feels it. A ball of 30 mm radius
 // (E 5.2 kPa, ν 0.45) is voxelised, smoothed and meshed, and a tip of 6 mm radius slides over it
-// 3 mm deep, at rest at every place; beside it the ball itself, which never saw a voxel, on a finer
-// mesh. Then a stiff lesion in it: how much stiffer it feels than its surroundings.
+// 3 mm deep, at rest at every place; beside it the ball itself, by a program that shares no mesh,
+// no element and no contact with it (axisymmetric_ball.h). Then a stiff lesion in it: how much
+// stiffer it feels than its surroundings.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -15,6 +16,7 @@
 
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/elastic_rows.h"
+#include "tests/bench/import/axisymmetric_ball.h"
 #include "tests/bench/import/touched_sphere.h"
 
 namespace {
@@ -28,6 +30,9 @@ constexpr double kSiteRadius_m = 0.010;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 const Ball kLesion{.centre_m = {0.0, 0.0, 0.019}, .radius_m = 0.007};
 const Vector3 kVoxel_mm = Vector3::Constant(1.5);
+constexpr AxisymmetricBall kBall{
+    .radius_m = kBallRadius_m, .tip_radius_m = kTouchRadius_m, .young_pa = kYoung_pa};
+constexpr double kReference_m = 0.3e-3;  // of elements below the tip
 
 struct Row {
   std::string name;
@@ -35,6 +40,7 @@ struct Row {
   double cell_mm = kNaN;
   double mesh_s = kNaN;
   double solution_s = kNaN;
+  double newton = kNaN;
   Felt felt{.error_ratio = kNaN, .ripple_ratio = kNaN};
   double stiffer_ratio = kNaN;  ///< force above the lesion over that with no lesion there
 };
@@ -45,92 +51,95 @@ class Rows {
       : options_(options), directions_(slide_over_the_top(5, 0.12)) {}
 
   void run() {
-    // quadratic elements, or many linear ones
-    const double reference_m = options_.is_quick ? 1.6e-3 : 2.4e-3;
-    Row reference{.name = "ball itself", .cell_mm = 1e3 * reference_m};
-    reference_newton_ = slide(timed(reference, [&] { return analytic(reference_m); }), reference);
-    reference.felt = {};
-    rows_.push_back(reference);
-    coarser(1.4 * reference_m);
-    for (const double cell_mm : {4.0, 2.8, 2.0}) {
-      if (options_.is_quick && cell_mm < 2.0) continue;
-      voxelised("voxels of 1.5 mm", kVoxel_mm, cell_mm, {});
+    rows_.push_back(axisymmetric("ball itself", kBall, kReference_m));
+    rows_.push_back(axisymmetric("ball itself, coarser", kBall, 2.0 * kReference_m));
+    rows_[1].felt.error_ratio = rows_[1].newton / rows_[0].newton - 1.0;
+    reference_newton_.assign(directions_.size(), rows_[0].newton);
+    for (const double cell_mm : cells_mm()) {
+      add({.name = "tetrahedra without voxels", .cell_mm = cell_mm},
+          [&] { return analytic_ball({}, 1e-3 * cell_mm, kSiteRadius_m); });
     }
-    voxelised("voxels of 0.8 x 0.8 x 3 mm", {0.8, 0.8, 3.0}, 2.0, {});
-    voxelised("voxels of 1.5 mm, not smoothed", kVoxel_mm, 2.0, {.width_m = 1e-4, .rounds = 1});
-    lesions(reference_m);
+    for (const double cell_mm : cells_mm()) voxelised("voxels of 1.5 mm", kVoxel_mm, cell_mm, {});
+    voxelised("voxels of 0.8 x 0.8 x 3 mm", {0.8, 0.8, 3.0}, cells_mm().back(), {});
+    voxelised("voxels of 1.5 mm, not smoothed", kVoxel_mm, cells_mm().back(),
+              {.width_m = 1e-4, .rounds = 1});
+    lesions();
     publish();
   }
 
  private:
-  [[nodiscard]] bool is_linear() const { return options_.is_quick; }
+  /// As a session of `palpate import` has them.
+  [[nodiscard]] static bool has_linear_elements(const physics::TetrahedralMesh& mesh) {
+    return mesh.tetrahedra.size() > scan::kMostQuadratic;
+  }
+  [[nodiscard]] std::vector<double> cells_mm() const {
+    if (options_.is_quick) return {4.0};
+    return {4.0, 2.8, 2.0};
+  }
 
-  template <class Make>
-  static physics::TetrahedralMesh timed(Row& row, const Make& make) {
+  static Row axisymmetric(const std::string& name, const AxisymmetricBall& ball, double cell_m) {
+    Row row{.name = name, .cell_mm = 1e3 * cell_m};
     const double from_s = cpu_s();
-    physics::TetrahedralMesh mesh = make();
+    row.newton = AxisymmetricPress(ball, cell_m).newton_at(kTouchDepth_m);
+    row.solution_s = cpu_s() - from_s;
+    progress(row);
+    return row;
+  }
+
+  /// Makes a mesh and slides over it.
+  template <class Make>
+  void add(Row row, const Make& make) {
+    const double from_s = cpu_s();
+    const physics::TetrahedralMesh mesh = make();
     row.mesh_s = cpu_s() - from_s;
     row.tetrahedra = mesh.tetrahedra.size();
-    return mesh;
-  }
-  static physics::TetrahedralMesh analytic(double cell_m) {
-    return analytic_ball({}, cell_m, kSiteRadius_m);
-  }
-
-  std::vector<double> slide(const physics::TetrahedralMesh& mesh, Row& row) {
-    const double from_s = cpu_s();
-    SlowTouch touch(mesh, kYoung_pa, kLesionYoung_pa, is_linear());
-    std::vector<double> newton = slide_newton(touch, directions_);
-    row.solution_s = (cpu_s() - from_s) / static_cast<double>(directions_.size());
+    SlowTouch touch(mesh, kYoung_pa, kLesionYoung_pa, has_linear_elements(mesh));
+    row.felt = felt_of(slide_newton(touch, directions_), reference_newton_);
+    row.solution_s = (cpu_s() - from_s - row.mesh_s) / static_cast<double>(directions_.size());
     progress(row);
-    return newton;
+    rows_.push_back(row);
   }
   static void progress(const Row& row) {
     std::printf("%s, %zu tetrahedra: done\n", row.name.c_str(), row.tetrahedra);
     std::fflush(stdout);
   }
 
-  /// How far the reference has converged.
-  void coarser(double cell_m) {
-    Row row{.name = "ball itself, coarser", .cell_mm = 1e3 * cell_m};
-    row.felt = felt_of(slide(timed(row, [&] { return analytic(cell_m); }), row), reference_newton_);
-    rows_.push_back(row);
-  }
-
   void voxelised(const std::string& name, const Vector3& voxel_mm, double cell_mm,
                  const scan::Smoothing& smoothing) {
-    Row row{.name = name, .cell_mm = cell_mm};
-    const auto mesh = timed(row, [&] {
+    add({.name = name, .cell_mm = cell_mm}, [&] {
       return imported_ball(
                  1e-3 * voxel_mm, {},
                  {.cell_m = 1e-3 * cell_mm, .smoothing = smoothing, .site_radius_m = kSiteRadius_m})
           .mesh;
     });
-    row.felt = felt_of(slide(mesh, row), reference_newton_);
-    rows_.push_back(row);
   }
 
-  void lesions(double reference_m) {
-    const auto add = [&](const std::string& name, double cell_m, const auto& make) {
-      Row row{.name = name, .cell_mm = 1e3 * cell_m};
-      const physics::TetrahedralMesh mesh = timed(row, make);
+  void lesions() {
+    AxisymmetricBall lesion = kBall;
+    lesion.lesion_young_pa = kLesionYoung_pa;
+    lesion.lesion_radius_m = kLesion.radius_m;
+    lesion.lesion_z_m = kLesion.centre_m.z();
+    const auto stiffer = [&](const std::string& name, double cell_m, const Row& without) {
+      const double newton = without.newton;
+      rows_.push_back(axisymmetric(name, lesion, cell_m));
+      return rows_.back().stiffer_ratio = rows_.back().newton / newton;
+    };
+    reference_stiffer_ = stiffer("lesion itself", kReference_m, rows_[0]);
+    stiffer("lesion itself, coarser", 2.0 * kReference_m, rows_[1]);
+    for (const double cell_mm : cells_mm()) {
+      Row row{.name = "lesion, voxels of 1.5 mm", .cell_mm = cell_mm};
+      const physics::TetrahedralMesh mesh =
+          imported_ball(1e-3 * kVoxel_mm, kLesion,
+                        {.cell_m = 1e-3 * cell_mm, .site_radius_m = kSiteRadius_m})
+              .mesh;
+      row.tetrahedra = mesh.tetrahedra.size();
       const auto newton = [&](double young_pa) {
-        SlowTouch touch(mesh, kYoung_pa, young_pa, is_linear());
+        SlowTouch touch(mesh, kYoung_pa, young_pa, has_linear_elements(mesh));
         return touch.newton_at(Vector3::UnitZ(), kTouchDepth_m).z();
       };
       row.stiffer_ratio = newton(kLesionYoung_pa) / newton(kYoung_pa);
       progress(row);
       rows_.push_back(row);
-    };
-    add("lesion itself", reference_m,
-        [&] { return analytic_ball(kLesion, reference_m, kSiteRadius_m); });
-    reference_stiffer_ = rows_.back().stiffer_ratio;
-    for (const double cell_mm : {4.0, 2.8, 2.0}) {
-      add("lesion, voxels of 1.5 mm", 1e-3 * cell_mm, [&] {
-        return imported_ball(1e-3 * kVoxel_mm, kLesion,
-                             {.cell_m = 1e-3 * cell_mm, .site_radius_m = kSiteRadius_m})
-            .mesh;
-      });
     }
   }
 

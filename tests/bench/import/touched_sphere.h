@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // touched_sphere.h — balls as label maps and as they are, their meshes by the importer's mesher,
-// and the force on a tip in them at rest: what smoothing and mesh do to what a hand feels.
+// and the force on a tip in them at rest, by the full solutions of a session: what smoothing and
+// mesh do to what a hand feels.
 #pragma once
 
 #include <algorithm>
@@ -16,8 +17,9 @@
 #include "common/core/user/temp_folder.h"
 #include "deploy/scan/organ_mesh.h"
 #include "deploy/scan/stuffing.h"
-#include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
+#include "physics_node/elastic_tissue/elastic_contact.h"
+#include "physics_node/elastic_tissue/elastic_simulation.h"
 #include "physics_node/files/tetrahedral_files.h"
 
 namespace palpate::bench {
@@ -25,7 +27,6 @@ namespace palpate::bench {
 inline constexpr double kBallRadius_m = 0.03;
 inline constexpr double kTouchRadius_m = 0.006;
 inline constexpr double kTouchDepth_m = 0.003;
-inline constexpr int kPointsPerEdge = 3;
 
 /// A ball around the origin of W, or one in it.
 struct Ball {
@@ -75,7 +76,7 @@ inline scan::OrganMesh imported_ball(const Vector3& voxel_m, const std::optional
   return scan::organ_mesh_of(map, std::move(regions), meshing);
 }
 
-/// The ball itself, without voxels: the reference. A region by the centre of each element.
+/// The ball itself, without voxels. A region by the centre of each element.
 /// @param cell_m  of the lattice within `site_radius_m` of the top and at the lesion's boundary
 inline physics::TetrahedralMesh analytic_ball(const std::optional<Ball>& lesion, double cell_m,
                                               double site_radius_m) {
@@ -103,14 +104,14 @@ inline physics::TetrahedralMesh analytic_ball(const std::optional<Ball>& lesion,
   return mesh;
 }
 
-/// A body of a session in which one tip is moved slowly: at every place it is at rest.
+/// A body of a session in which one tip is moved slowly, by full solutions at 50 Hz: at every place
+/// it is at rest.
 class SlowTouch {
  public:
   /// The lower half is held.
   /// @param lesion_young_pa  of the region "lesion", if there is one
-  /// @param has_few_points   of contact, as a session has
   SlowTouch(const physics::TetrahedralMesh& mesh, double young_pa, double lesion_young_pa,
-            bool has_linear_elements, bool has_few_points = false) {
+            bool has_linear_elements) {
     const TempFolder folder;
     ElasticMaterial material{.young_pa = young_pa, .is_linear = has_linear_elements};
     material.fixed = {HalfSpaceGeometry{.point_m = Vector3::Zero(), .normal = Vector3::UnitZ()}};
@@ -127,51 +128,53 @@ class SlowTouch {
                                  .file = folder.write("ball.msh", physics::msh_text(mesh))},
         .material = material};
     body_ = physics::make_elastic_body(tissue, 0, kTouchRadius_m);
-    std::vector<elastic::Face> faces;
-    for (const elastic::Face& face : body_->faces) {
-      const Vector3 corner_m = body_->body->mesh().nodes_m[face.nodes[0]];
-      if (corner_m.z() > 0.5 * kBallRadius_m) faces.push_back(face);
-    }
-    contact_.emplace(has_few_points
-                         ? body_->points
-                         : elastic::surface_points(body_->body->mesh(), faces, kPointsPerEdge),
-                     body_->contact_stiffness_pa_per_m);
-    search_.emplace(*body_->body);
-    factor_.emplace(*body_->body, elastic::Precision::kDouble);
-    x_m_ = body_->body->rest_m();
+    simulation_.emplace(*body_, 1, kTouchRadius_m, kStep_s);
   }
 
   /// The force on the tip, at this depth below the sphere, in this direction (unit) from its
   /// centre.
   Vector3 newton_at(const Vector3& direction, double depth_m) {
-    const Vector3 centre_m = (kBallRadius_m + kTouchRadius_m - depth_m) * direction;
-    if (!last_m_) last_m_ = (kBallRadius_m + kTouchRadius_m) * direction;
+    const auto centre_m = [&](double below_m) -> Vector3 {
+      return (kBallRadius_m + kTouchRadius_m - below_m) * direction;
+    };
+    if (!last_m_) go_to(centre_m(0.0));
     const Vector3 from_m = *last_m_;
-    // by at most a sixth of the radius at a time, so that points see the sphere before it is inside
-    const int parts = std::max(1, static_cast<int>(std::ceil((centre_m - from_m).norm() / 0.001)));
-    for (int part = 1; part <= parts; ++part) {
-      contact_->choose_near(x_m_.data(), 0.002);
-      contact_->set_sphere(from_m + (centre_m - from_m) * part / parts, kTouchRadius_m);
-      const int rounds = part == parts ? 3 : 1;
-      for (int round = 0; round < rounds; ++round) {
-        const elastic::SearchReport report = elastic::find_rest(
-            *search_, *factor_, &*contact_, {.tolerance_m = 1e-6, .slow_iterations = 8}, x_m_);
-        if (!report.is_converged) throw SetupError("a touched ball does not come to rest");
-        contact_->update_multipliers(x_m_.data(), body_->body->pattern());
-      }
+    const Vector3 way_m = centre_m(depth_m) - from_m;
+    const int parts = std::max(1, static_cast<int>(std::ceil(way_m.norm() / kWay_m)));
+    for (int part = 1; part <= parts; ++part) go_to(from_m + way_m * part / parts);
+    for (int step = 0; step < kMostRestSteps; ++step) {
+      const Vector3 before_newton = simulation_->touch(0).force_on_tool_newton;
+      go_to(centre_m(depth_m));
+      const Vector3& newton = simulation_->touch(0).force_on_tool_newton;
+      if ((newton - before_newton).norm() < kAtRest * newton.norm()) return newton;
     }
-    last_m_ = centre_m;
-    return contact_->force_on_sphere_newton();
+    throw SetupError("a touched ball does not come to rest");
   }
 
   [[nodiscard]] const physics::ElasticBody& body() const { return *body_; }
 
  private:
+  static constexpr double kStep_s = 0.02;
+  static constexpr double kWay_m = 0.3e-3;  // of a step: 15 mm/s
+  static constexpr double kAtRest = 2e-4;   // of the force, in a step
+  static constexpr int kMostRestSteps = 200;
+
+  void go_to(const Vector3& tip_m) {
+    time_s_ += kStep_s;
+    if (!side_.follow(body_->shape, body_->bounds, kTouchRadius_m, kTouchRadius_m, tip_m,
+                      time_s_)) {
+      throw SetupError("a touched ball is out of reach");
+    }
+    const std::vector<std::optional<physics::TipState>> tips{
+        physics::TipState{.tip_m = tip_m, .place_m = side_.place_m()}};
+    simulation_->step(tips);
+    last_m_ = tip_m;
+  }
+
   std::shared_ptr<const physics::ElasticBody> body_;
-  std::optional<elastic::SphereContact> contact_;
-  std::optional<elastic::EquilibriumSearch> search_;
-  std::optional<elastic::WarpedFactor> factor_;
-  elastic::VectorXd x_m_;
+  std::optional<physics::ElasticSimulation> simulation_;
+  physics::TipSide side_;
+  double time_s_ = 0.0;
   std::optional<Vector3> last_m_;
 };
 
