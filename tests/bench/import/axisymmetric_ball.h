@@ -57,7 +57,9 @@ class AxisymmetricPress {
   }
 
   /// The force on the tip, upwards, at this depth below the untouched ball; from the last depth on.
-  /// @throws SetupError  no equilibrium was found
+  /// @throws SetupError  no equilibrium was found, or the ball has slipped over the tip: much
+  /// deeper
+  ///     than the radius of the tip
   double newton_at(double depth_m) {
     constexpr double kStep_m = 0.5e-3;
     const double from_m = depth_m_;
@@ -70,6 +72,7 @@ class AxisymmetricPress {
         find_rest();
       }
     }
+    if (!(force_newton_ >= 0.0)) throw SetupError("axisymmetric ball: too deep");
     return force_newton_;
   }
 
@@ -290,8 +293,13 @@ class AxisymmetricPress {
       K.setFromTriplets(entries_.begin(), entries_.end());
       if (!is_ordered_) solver_.analyzePattern(K);
       is_ordered_ = true;
-      solver_.factorize(K);
-      if (solver_.info() != Eigen::Success) throw SetupError("axisymmetric ball: no factor");
+      // where the energy is not convex, so much is added to the diagonal that the step leads down
+      double shift_newton_per_m = 0.0;
+      do {
+        solver_.setShift(shift_newton_per_m);
+        solver_.factorize(K);
+        shift_newton_per_m = std::max(1e-2, 4.0 * shift_newton_per_m);
+      } while (solver_.info() != Eigen::Success || solver_.vectorD().minCoeff() <= 0.0);
       const Eigen::VectorXd change_m = solver_.solve(-residual_);
       const double before_joule = energy_joule_;
       double share = 1.0;

@@ -36,7 +36,7 @@ device {
   rate_hz: 200
   lease_us: 12500
   accept: NO_MOTOR_WATCHDOG
-  profile { coulomb_newton: 0.08 viscous_newton_s_per_m: 0.09 }
+  profile { coulomb_newton: 0.08 viscous_newton_s_per_m: 0.09 position_resolution_m: 1e-4 }
   dead_man_button: 0
   plugin {
     library: ")" PALPATE_ROS_DEVICE R"("

@@ -24,12 +24,14 @@ namespace palpate::test {
 [[nodiscard]] inline bool is_enabled(Program& launch, int times = 1) {
   const pid_t node = std::stoi(launch.await_err("event=node_started node=device pid="));
   launch.await_err("event=device_phase phase=");  // from now on the signal acknowledges
-  return await([&] {
+  bool has_ended = false;
+  const bool is_told = await([&] {
     if (times_in(launch.err(), "event=device_phase phase=enabled") >= times) return true;
-    kill(node, SIGUSR2);
+    has_ended = kill(node, SIGUSR2) != 0;
     usleep(50'000);
-    return false;
+    return has_ended;
   });
+  return is_told && !has_ended;
 }
 
 }  // namespace palpate::test
