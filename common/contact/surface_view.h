@@ -45,6 +45,7 @@ struct SurfaceHint {
   std::uint32_t uncovered_views = 0;       ///< views that another, unknown part may have changed
   std::uint32_t work = 0;                  ///< what the views looked at, since then; only of tiles
   std::uint32_t most_work = 0;  ///< a view that would need more ends, uncovered; 0: no limit
+  bool only_covered = false;    ///< a view that is not covered need not see anything
 
   /// Some view ended because of most_work.
   [[nodiscard]] bool is_exhausted() const noexcept { return most_work > 0 && work > most_work; }

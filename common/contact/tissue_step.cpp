@@ -23,6 +23,7 @@ Touch known_or(const Touch* known, const Touch& fresh, std::uint32_t most_work) 
   touch.proxy.hint.uncovered_views = 0;
   touch.proxy.hint.work = 0;
   touch.proxy.hint.most_work = most_work;
+  touch.proxy.hint.only_covered = false;
   return touch;
 }
 
@@ -48,6 +49,7 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
   const double radius_m = tool_.tip_radius_m;
   Touch tip = known_or(known, {.tissue = tissue, .radius_m = radius_m}, most_work_);
   if (!tip.is_punctured) {
+    tip.proxy.hint.only_covered = only_covered_;
     if (is_start_) {
       tip.proxy = begun_at(surface_, radius_m, tip_m_, tip.proxy.hint);
     } else {

@@ -41,6 +41,8 @@ class TissueStep {
 
   /// Of the touches that follow.
   void limit_work(std::uint32_t most_work) noexcept { most_work_ = most_work; }
+  /// Nobody uses a tip with an uncovered view: it may end there, held by nothing.
+  void use_only_covered() noexcept { only_covered_ = true; }
 
   /// The tip after the step, before settle(). Punctured tissue heals once the tool has left it.
   /// @param known  the touch at the last pose; nullptr: none
@@ -73,6 +75,7 @@ class TissueStep {
   bool is_start_;
   std::uint32_t most_views_;
   std::uint32_t most_work_;
+  bool only_covered_ = false;
 };
 
 /// The contact of a settled touch with its total force.

@@ -134,6 +134,7 @@ std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissu
 
   TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose,
                   std::clamp(left.views, kLeastViewsPerProxy, kMostViewsPerProxy), left.work);
+  if (!has_share) step.use_only_covered();
   const auto count = [&](const Touch& touch) {
     left.views -= std::min(left.views, touch.proxy.hint.views);
     left.take(touch.proxy.hint.work);

@@ -35,8 +35,7 @@ namespace palpate::mofc {
 /// a share. No allocation, no throw.
 class LocalTissues {
  public:
-  /// @see SurfaceHint; about 0.25 ms. A tip on an organ takes less than a thirtieth of it, a shaft
-  /// on an organ of 20,000 facets more than half.
+  /// @see SurfaceHint; about 0.25 ms. A tip on an organ takes less than a thirtieth of it.
   static constexpr std::uint32_t kWorkPerStep = 100000;
 
   struct Result {

@@ -89,7 +89,7 @@ void TissueStore::take(const Interaction& interaction, Duration loop_age) noexce
 void TissueStore::take(const TissueDescription& description) noexcept {
   DescribedTissue& tissue = tissues_[description.slot];
   if (tissue.is_known_ && tissue.version_ == description.version) return;  // a repetition
-  for (const std::uint32_t slot : tissue.tiled_.slots()) tags_[slot].is_held = false;
+  for (Tag& tag : tags_) tag.is_held = tag.is_held && tag.described_slot != description.slot;
   tissue.take(description);
 }
 

@@ -122,6 +122,21 @@ std::vector<double> tick_times_us(const Genes& genes, std::size_t physics, std::
   return times_us;
 }
 
+/// The same ticks several times over, of each the least time: what other programs take from the
+/// caches of a busy processor counts little.
+std::vector<double> quiet_tick_times_us(const Genes& genes, std::size_t physics,
+                                        std::uint64_t seed) {
+  constexpr int kTimes = 5;
+  std::vector<double> least_us = tick_times_us(genes, physics, kPathTicks, seed);
+  for (int i = 1; i < kTimes; ++i) {
+    const std::vector<double> again_us = tick_times_us(genes, physics, kPathTicks, seed);
+    for (std::size_t k = 0; k < least_us.size(); ++k) {
+      least_us[k] = std::min(least_us[k], again_us[k]);
+    }
+  }
+  return least_us;
+}
+
 std::string text_of(const Genes& genes) {
   return fmt::format(
       "{} × {} tiles of {}{}{}{}, {:.2g} mm, spread {:.2g} mm, tip {:.2g} mm{}", genes.tissues,
@@ -163,7 +178,7 @@ void run(const BenchOptions& options) {
     for (const std::size_t physics : {std::size_t{1}, std::size_t{2}}) {
       std::vector<double> times_us;
       for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-        const std::vector<double> some = tick_times_us(found.genes, physics, kPathTicks, seed);
+        const std::vector<double> some = quiet_tick_times_us(found.genes, physics, seed);
         times_us.insert(times_us.end(), some.begin(), some.end());
       }
       table.add({text_of(found.genes), static_cast<double>(physics), quantile(times_us, 0.5),
@@ -173,7 +188,7 @@ void run(const BenchOptions& options) {
   table.publish(options);
   std::printf(
       "\nProcessor time of mofc_node's evaluation of the tissue in each of the 60 ticks after "
-      "everything has arrived;\nthe "
+      "everything has arrived,\nthe least of five times; the "
       "tool moves at 0.3 m/s in the middle of it. Of %zu descriptions of triangles and as many of "
       "points, half at random and half varied\nfrom the worst so far, the one with the highest "
       "median. %s\n",

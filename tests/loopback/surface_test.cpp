@@ -89,6 +89,22 @@ TEST_P(OrganUnderDisturbance, SoDoesALiver) {
   expect_undisturbed(run_liver(joined(liver, GetParam().overrides)), run_liver(liver));
 }
 
+// 97,000 facets under a fast tool: much of the time it is where nothing is known yet. That must not
+// cost mofc_node more than it may spend on a physics, or it would never use the description again.
+TEST(DenseOrganFarAway, IsDescribedToAFastTool) {
+  const test::TempFolder folder;
+  int found = 0;
+  for (const bench::DisturbedScene& scene : bench::disturbed_scenes(folder, {})) {
+    if (!scene.name.starts_with("slide at 300 mm/s")) continue;
+    ++found;
+    const Session session = scene.session(joined(away("55"), {"physics.rate_hz=90"}));
+    const RunStatistics fast = run_loopback(session, {.seconds = 5.0}).statistics;
+    EXPECT_GE(fast.ideal_transparency(), 0.85);
+    EXPECT_GE(fast.minimum_true_energy_joule(), -1e-6);
+  }
+  EXPECT_EQ(found, 1);
+}
+
 // Surfaces of which much is missing at the first press, clouds, and what no organ has.
 TEST(SceneFarAway, FeelsAsItDoesWithoutAnyNetwork) {
   const test::TempFolder folder;

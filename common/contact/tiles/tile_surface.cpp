@@ -30,18 +30,10 @@ constexpr std::uint32_t kMostKept = 512;
 
 }  // namespace
 
-TileSurface::TileSurface(std::span<const HeldTile> held)
-    : held_(held), positions_(held.size(), kNowhere) {
-  slots_.reserve(held.size());
-  bounds_.reserve(held.size());
-  blocks_.reserve((held.size() + kBlock - 1) / kBlock);
-}
+TileSurface::TileSurface(std::span<const HeldTile> held) : held_(held), all_(held.size()) {}
 
 void TileSurface::reset(const TiledGeometry& geometry) noexcept {
-  for (const std::uint32_t slot : slots_) positions_[slot] = kNowhere;
-  slots_.clear();
-  bounds_.clear();
-  blocks_.clear();
+  all_.clear();
   geometry_ = geometry;
   covered_ = {.radius_m = 0.0};
   gap_count_ = 0;
@@ -53,39 +45,13 @@ void TileSurface::reset(const TiledGeometry& geometry) noexcept {
 
 void TileSurface::add(std::uint32_t slot) noexcept {
   remove(slot);
-  positions_[slot] = static_cast<std::uint32_t>(slots_.size());
-  if (slots_.size() % kBlock == 0) {
-    blocks_.push_back(held_[slot].bounds);
-  } else {
-    blocks_.back().include(held_[slot].bounds);
-  }
-  slots_.push_back(slot);
-  bounds_.push_back(held_[slot].bounds);
+  all_.add(slot, held_[slot].bounds);
   for (Near& near : near_) near.offer(slot, held_[slot].bounds);
 }
 
 void TileSurface::remove(std::uint32_t slot) noexcept {
-  const std::uint32_t position = positions_[slot];
-  if (position == kNowhere) return;
-  // the last one takes its place
-  bounds_[position] = bounds_.back();
-  slots_[position] = slots_.back();
-  positions_[slots_[position]] = position;
-  positions_[slot] = kNowhere;
-  slots_.pop_back();
-  bounds_.pop_back();
-  if (slots_.size() % kBlock == 0) blocks_.pop_back();
-  if (position < slots_.size()) bound_block_of(position);
+  if (!all_.remove(slot)) return;
   for (Near& near : near_) near.remove(slot);
-}
-
-void TileSurface::bound_block_of(std::size_t position) noexcept {
-  const std::size_t first = position / kBlock * kBlock;
-  Bounds& block = blocks_[position / kBlock];
-  block = bounds_[first];
-  for (std::size_t i = first + 1; i < std::min(first + kBlock, bounds_.size()); ++i) {
-    block.include(bounds_[i]);
-  }
 }
 
 void TileSurface::except(const Vector3& center_m, double radius_m) noexcept {
@@ -109,15 +75,17 @@ struct TileSurface::Search {
   Vector3 point_m;
   std::uint32_t work = 0;
   FacetFoot best;
-  double best_m = std::numeric_limits<double>::max();
+  bool is_found = false;
+  double best_m;
   std::uint32_t cell = 0;
   Vector3 face = Vector3::Zero();
   Vector3 side = Vector3::Zero();
   Vector3 along = Vector3::Zero();
   std::array<std::uint64_t, 2> feature{};  // vertices of the edge or corner at the foot
 
-  explicit Search(const Vector3& point) : point_m(point) {
-    best.squared_distance = std::numeric_limits<double>::max();
+  /// Only of what is within this distance.
+  Search(const Vector3& point, double most_m) : point_m(point), best_m(most_m) {
+    best.squared_distance = most_m * most_m;
   }
 
   void offer(const HeldTile& tile, std::uint32_t slot, std::size_t index) noexcept {
@@ -151,6 +119,7 @@ struct TileSurface::Search {
     }
     if (!(foot.squared_distance < best.squared_distance)) return;
     best = foot;
+    is_found = true;
     best_m = std::sqrt(foot.squared_distance);
     cell = this_cell;
     face = tile.normals[index];
@@ -183,8 +152,8 @@ struct TileSurface::Search {
 /// The nearest point of a cloud.
 struct TileSurface::PointSearch {
   Vector3 point_m;
+  double best_squared;  // of what may be found, before
   std::uint32_t work = 0;
-  double best_squared = std::numeric_limits<double>::max();
   const HeldTile* best_tile = nullptr;
   std::size_t best = 0;  // of its points
 
@@ -237,19 +206,17 @@ void TileSurface::Near::remove(std::uint32_t slot) noexcept {
   }
 }
 
+bool TileSurface::Near::has(std::uint32_t slot) const noexcept {
+  const auto end = slots.begin() + static_cast<std::ptrdiff_t>(count);
+  return std::find(slots.begin(), end, slot) != end;
+}
+
 template <class Limit, class Look>
-bool TileSurface::look_near(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint,
-                            const Limit& limit, const Look& look) noexcept {
-  for (std::size_t i = 0; i < tiles.slots.size(); ++i) {
-    if (i % kBlock == 0 && !tiles.blocks.empty()) {
-      ++hint.work;
-      if (!(tiles.blocks[i / kBlock].squared_distance(point_m) <= limit())) {
-        i += kBlock - 1;
-        continue;
-      }
-    }
+bool TileSurface::Near::look_near(const Vector3& point_m, SurfaceHint& hint, const Limit& limit,
+                                  const Look& look) const noexcept {
+  for (std::size_t i = 0; i < count; ++i) {
     ++hint.work;
-    if (tiles.bounds[i].squared_distance(point_m) <= limit() && !look(i)) return false;
+    if (bounds[i].squared_distance(point_m) <= limit() && !look(slots[i], bounds[i])) return false;
     if (hint.is_exhausted()) return false;
   }
   return true;
@@ -261,12 +228,12 @@ std::uint32_t TileSurface::gather(const Vector3& point_m, std::size_t place) noe
   near.count = 0;
   near.radius_m = 0.0;
   near.center_m = point_m;
-  if (slots_.empty() || !point_m.allFinite()) return 0;
+  if (all_.is_empty() || !point_m.allFinite()) return 0;
 
   // a heap of the nearest, the farthest of them on top; of too many the radius is smaller
   struct Kept {
     double distance_m = 0.0;
-    std::uint32_t position = 0;
+    std::uint32_t slot = 0;
     [[nodiscard]] bool operator<(const Kept& other) const noexcept {
       return distance_m < other.distance_m;
     }
@@ -276,10 +243,10 @@ std::uint32_t TileSurface::gather(const Vector3& point_m, std::size_t place) noe
   std::uint32_t kept = 0;
   SurfaceHint hint;
   double radius_m = nearest_at_most_m(point_m, hint) + kNearMargin_m;
-  const bool is_complete = look_near(
-      all(), point_m, hint, [&] { return radius_m * radius_m; },
-      [&](std::size_t i) {
-        const double distance_m = std::sqrt(bounds_[i].squared_distance(point_m));
+  const bool is_complete = all_.look_near(
+      point_m, hint, [&] { return radius_m * radius_m; },
+      [&](std::uint32_t slot, const Bounds& tile) {
+        const double distance_m = std::sqrt(tile.squared_distance(point_m));
         const auto begin = heap.begin();
         if (count == kMaxNear) {
           if (distance_m >= heap[0].distance_m) {
@@ -289,7 +256,7 @@ std::uint32_t TileSurface::gather(const Vector3& point_m, std::size_t place) noe
           radius_m = std::min(radius_m, heap[0].distance_m);
           std::pop_heap(begin, begin + static_cast<std::ptrdiff_t>(count--));
         }
-        heap[count++] = {distance_m, static_cast<std::uint32_t>(i)};
+        heap[count++] = {distance_m, slot};
         std::push_heap(begin, begin + static_cast<std::ptrdiff_t>(count));
         hint.work += kKeepWork;
         return ++kept <= kMostKept;
@@ -299,8 +266,8 @@ std::uint32_t TileSurface::gather(const Vector3& point_m, std::size_t place) noe
   near.radius_m = radius_m;
   for (; near.count < count; ++near.count) {
     const Kept& one = heap[near.count];
-    near.slots[near.count] = slots_[one.position];
-    near.bounds[near.count] = bounds_[one.position];
+    near.slots[near.count] = one.slot;
+    near.bounds[near.count] = held_[one.slot].bounds;
     near.distances_m[near.count] = one.distance_m;
   }
   return hint.work;
@@ -308,10 +275,10 @@ std::uint32_t TileSurface::gather(const Vector3& point_m, std::size_t place) noe
 
 double TileSurface::nearest_at_most_m(const Vector3& point_m, SurfaceHint& hint) const noexcept {
   double most_squared = std::numeric_limits<double>::max();
-  look_near(
-      all(), point_m, hint, [&] { return most_squared; },
-      [&](std::size_t i) {
-        most_squared = std::min(most_squared, bounds_[i].farthest_squared(point_m));
+  all_.look_near(
+      point_m, hint, [&] { return most_squared; },
+      [&](std::uint32_t /*slot*/, const Bounds& tile) {
+        most_squared = std::min(most_squared, tile.farthest_squared(point_m));
         return true;
       });
   return std::sqrt(most_squared);
@@ -338,29 +305,36 @@ double TileSurface::known_at_least_m(const Vector3& point_m, SurfaceHint& hint) 
   const Near& near = near_to(point_m);
   const double to_others_m = near.radius_m - (point_m - near.center_m).norm();
   double least_squared = std::numeric_limits<double>::max();
-  const auto look = [&](const Tiles& tiles) {
-    return look_near(
-        tiles, point_m, hint, [&] { return least_squared; },
-        [&](std::size_t i) {
-          least_squared = std::min(least_squared, tiles.bounds[i].squared_distance(point_m));
+  const auto look = [&](const auto& tiles) {
+    return tiles.look_near(
+        point_m, hint, [&] { return least_squared; },
+        [&](std::uint32_t /*slot*/, const Bounds& tile) {
+          least_squared = std::min(least_squared, tile.squared_distance(point_m));
           return true;
         });
   };
-  if (!look(near.tiles())) return 0.0;
+  if (!look(near)) return 0.0;
   if (const double near_m = std::sqrt(least_squared); near_m <= to_others_m) return near_m;
-  return look(all()) ? std::sqrt(least_squared) : 0.0;
+  return look(all_) ? std::sqrt(least_squared) : 0.0;
 }
 
-template <class Limit, class Examine>
+template <class Tiles, class Limit, class Examine>
 bool TileSurface::visit(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint,
                         const Limit& limit, const Examine& examine) const noexcept {
   int examined = 0;
-  const bool is_complete = look_near(tiles, point_m, hint, limit, [&](std::size_t i) {
-    const std::uint32_t slot = tiles.slots[i];
-    return !examine(held_[slot], slot) || ++examined <= kMostExamined;
-  });
+  const bool is_complete =
+      tiles.look_near(point_m, hint, limit, [&](std::uint32_t slot, const Bounds& /*tile*/) {
+        return !examine(held_[slot], slot) || ++examined <= kMostExamined;
+      });
   if (!is_complete) hint.work = std::max(hint.work, hint.most_work + 1);
   return is_complete;
+}
+
+/// What is farther away need not be found.
+double TileSurface::worth_m(const Vector3& point_m, const SurfaceHint& hint) const noexcept {
+  constexpr double kFar_m = 1e100;
+  if (!hint.only_covered) return kFar_m;
+  return std::clamp((1.0 + kSameDistance) * unknown_m(point_m), 0.0, kFar_m);
 }
 
 SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const noexcept {
@@ -369,13 +343,11 @@ SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const n
 }
 
 SurfaceView TileSurface::view_of_facets(const Vector3& point_m, SurfaceHint& hint) const noexcept {
-  Search search(point_m);
+  Search search(point_m, worth_m(point_m, hint));
   const Near& near = near_to(point_m);
   const auto hinted = static_cast<std::uint32_t>(hint.cell / kMaxTileFacets);
   const std::size_t hinted_facet = hint.cell % kMaxTileFacets;
-  const std::span<const std::uint32_t> near_slots = near.tiles().slots;
-  if (std::find(near_slots.begin(), near_slots.end(), hinted) != near_slots.end() &&
-      hinted_facet < held_[hinted].facet_count) {
+  if (near.has(hinted) && hinted_facet < held_[hinted].facet_count) {
     search.offer(held_[hinted], hinted, hinted_facet);
   }
   const auto limit = [&] { return search.limit(); };
@@ -384,20 +356,18 @@ SurfaceView TileSurface::view_of_facets(const Vector3& point_m, SurfaceHint& hin
     hint.work += std::exchange(search.work, 0);
     return is_worth_it;
   };
-  bool is_complete = visit(near.tiles(), point_m, hint, limit, offer);
+  bool is_complete = visit(near, point_m, hint, limit, offer);
   if (is_complete && !has_all(near, point_m, search.best_m)) {
     // a tile that is not near may be nearer: once more, over all, within the distance found
-    Search all_of_them(point_m);
-    const bool is_found = search.best_m < std::numeric_limits<double>::max();
-    all_of_them.best_m =
-        (1.0 + kSameDistance) * (is_found ? search.best_m : nearest_at_most_m(point_m, hint));
-    all_of_them.best.squared_distance = all_of_them.best_m * all_of_them.best_m;
-    search = all_of_them;
-    is_complete = visit(all(), point_m, hint, limit, offer);
+    const double most_m =
+        search.is_found ? search.best_m : std::min(search.best_m, nearest_at_most_m(point_m, hint));
+    search = Search(point_m, (1.0 + kSameDistance) * most_m);
+    is_complete = visit(all_, point_m, hint, limit, offer);
   }
 
-  if (!is_complete || !(search.best_m <= unknown_m(point_m))) ++hint.uncovered_views;
-  if (!is_complete || !(search.best.squared_distance < std::numeric_limits<double>::max())) {
+  const bool is_seen = is_complete && search.is_found;
+  if (!is_seen || !(search.best_m <= unknown_m(point_m))) ++hint.uncovered_views;
+  if (!is_seen) {
     return {.distance_m = std::numeric_limits<double>::infinity()};
   }
   hint.cell = search.cell;
@@ -407,7 +377,8 @@ SurfaceView TileSurface::view_of_facets(const Vector3& point_m, SurfaceHint& hin
 }
 
 SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hint) const noexcept {
-  PointSearch search{.point_m = point_m};
+  const double worth_m = this->worth_m(point_m, hint);
+  PointSearch search{.point_m = point_m, .best_squared = worth_m * worth_m};
   const Near& near = near_to(point_m);
   const auto limit = [&] { return search.limit(); };
   const auto offer = [&](const HeldTile& tile, std::uint32_t slot) {
@@ -415,11 +386,11 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
     hint.work += std::exchange(search.work, 0);
     return is_worth_it;
   };
-  bool is_complete = visit(near.tiles(), point_m, hint, limit, offer);
+  bool is_complete = visit(near, point_m, hint, limit, offer);
   if (is_complete && !has_all(near, point_m, std::sqrt(search.best_squared))) {
     const double most_m = (1.0 + kSameDistance) * nearest_at_most_m(point_m, hint);
     search.best_squared = std::min(search.best_squared, most_m * most_m);
-    is_complete = visit(all(), point_m, hint, limit, offer);
+    is_complete = visit(all_, point_m, hint, limit, offer);
   }
   if (!is_complete || search.best_tile == nullptr) {
     ++hint.uncovered_views;
@@ -444,9 +415,9 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
         };
         if (!is_complete) return;
         const Near& there = near_to(place_m);
-        const Tiles tiles = has_all(there, place_m, 0.0) ? there.tiles() : all();
-        is_complete = visit(
-            tiles, place_m, hint, [] { return 0.0; }, add);
+        const auto within = [] { return 0.0; };
+        is_complete = has_all(there, place_m, 0.0) ? visit(there, place_m, hint, within, add)
+                                                   : visit(all_, place_m, hint, within, add);
       });
   if (!is_complete || !(farthest_m <= unknown_m(point_m))) ++hint.uncovered_views;
   return view;

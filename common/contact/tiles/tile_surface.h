@@ -12,11 +12,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "common/contact/bounds.h"
 #include "common/contact/surface.h"
 #include "common/contact/tiles/held_tile.h"
+#include "common/contact/tiles/tile_blocks.h"
 #include "common/core/tissue.h"
 #include "common/core/vector.h"
 
@@ -47,8 +47,6 @@ class TileSurface final : public Surface {
   /// @param place  < kPlaces, at which the tool touches: of each the last point counts
   std::uint32_t gather(const Vector3& point_m, std::size_t place = 0) noexcept;
   static constexpr std::size_t kPlaces = 2;
-  /// The slots that hold a tile of this surface, in no particular order.
-  [[nodiscard]] std::span<const std::uint32_t> slots() const noexcept { return slots_; }
 
   /// Counts hint.uncovered_views, among them those that would have to examine more than
   /// kMostExamined tiles, or would need more than hint.most_work, which is then exhausted. A unit
@@ -69,17 +67,8 @@ class TileSurface final : public Surface {
                                            SurfaceHint& hint) const noexcept;
   [[nodiscard]] SurfaceView view_of_points(const Vector3& point_m,
                                            SurfaceHint& hint) const noexcept;
-  /// Some of the slots, each with the bounds of its tile, and perhaps with those of each kBlock of
-  /// them: memory that a search reads in order.
-  struct Tiles {
-    std::span<const std::uint32_t> slots;
-    std::span<const Bounds> bounds;
-    std::span<const Bounds> blocks;
-  };
-  static constexpr std::size_t kBlock = 16;
   static constexpr int kMostExamined = 128;
   static constexpr std::size_t kMaxNear = 48;
-  static constexpr std::uint32_t kNowhere = ~std::uint32_t{0};
   /// All tiles within a distance of a point, nearest first.
   struct Near {
     Vector3 center_m = Vector3::Zero();
@@ -89,15 +78,16 @@ class TileSurface final : public Surface {
     std::array<Bounds, kMaxNear> bounds;
     std::array<double, kMaxNear> distances_m{};
 
-    [[nodiscard]] Tiles tiles() const noexcept {
-      return {std::span(slots).first(count), std::span(bounds).first(count), {}};
-    }
+    [[nodiscard]] bool has(std::uint32_t slot) const noexcept;
+    /// @see TileBlocks::look_near
+    template <class Limit, class Look>
+    bool look_near(const Vector3& point_m, SurfaceHint& hint, const Limit& limit,
+                   const Look& look) const noexcept;
     void offer(std::uint32_t slot, const Bounds& tile) noexcept;
     void remove(std::uint32_t slot) noexcept;
   };
 
-  [[nodiscard]] Tiles all() const noexcept { return {slots_, bounds_, blocks_}; }
-  void bound_block_of(std::size_t position) noexcept;
+  [[nodiscard]] double worth_m(const Vector3& point_m, const SurfaceHint& hint) const noexcept;
   /// The nearest facet or point is no farther than this; the largest double without tiles.
   [[nodiscard]] double nearest_at_most_m(const Vector3& point_m, SurfaceHint& hint) const noexcept;
   /// The collected tiles whose middle is nearest.
@@ -105,22 +95,15 @@ class TileSurface final : public Surface {
   /// All held tiles within this distance of the point are among the collected ones.
   [[nodiscard]] static bool has_all(const Near& near, const Vector3& point_m,
                                     double distance_m) noexcept;
-  /// Calls look(position), which returns whether to go on, for each whose bounds are within limit()
-  /// (squared) of the point. False if some look ended it, or the work.
-  template <class Limit, class Look>
-  static bool look_near(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint,
-                        const Limit& limit, const Look& look) noexcept;
   /// Calls examine(tile, slot), which returns whether the tile was worth it, for each whose bounds
   /// are within limit() (squared) of the point. False if there are too many of these.
-  template <class Limit, class Examine>
+  /// @param tiles  all, or the near ones
+  template <class Tiles, class Limit, class Examine>
   bool visit(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint, const Limit& limit,
              const Examine& examine) const noexcept;
 
   std::span<const HeldTile> held_;
-  std::vector<std::uint32_t> slots_;
-  std::vector<Bounds> bounds_;            // of the same tiles
-  std::vector<Bounds> blocks_;            // of each kBlock of them
-  std::vector<std::uint32_t> positions_;  // of a slot in slots_, or kNowhere
+  TileBlocks all_;
   TiledGeometry geometry_;
   CapsuleGeometry covered_{.radius_m = 0.0};
   std::array<Gap, kMaxPendingTiles> gaps_;

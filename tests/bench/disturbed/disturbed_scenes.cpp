@@ -341,12 +341,22 @@ std::vector<DisturbedScene> disturbed_scenes(const test::TempFolder& folder,
     scenes.back().is_in_excerpt = false;
     scenes.back().own_disturbances = rows;
   };
-  add_far("slide at 150 mm/s, " + dense.name, tissue(dense.geometry),
-          {.center_m = dense.top_m - Vector3(dense.top_m.x(), dense.top_m.y(), 0.004),
-           .amplitude_m = {0.03, 0.02, 0.0062},
-           .hz = {0.8, 0.11, 0.3},
-           .phase_rad = {0.0, 0.0, 1.57}},
-          {far(55.0, 90.0), far(55.0, 250.0), far(55.0, 1000.0)});
+  OwnDisturbance bad = far(80.0, 30.0);
+  bad.name = "80 … 110 ms, 10 % lost, bursts, 30 Hz";
+  for (const char* hop : {"tool_motion", "interaction"}) {
+    for (const char* fault :
+         {"jitter_ms=30", "loss_ratio=0.1", "burst_ratio=0.01", "burst_length=10"}) {
+      bad.overrides.push_back(fmt::format("faults.{}.{}", hop, fault));
+    }
+  }
+  Hand slide{.center_m = dense.top_m - Vector3(dense.top_m.x(), dense.top_m.y(), 0.004),
+             .amplitude_m = {0.03, 0.02, 0.0062},
+             .hz = {0.8, 0.11, 0.3},
+             .phase_rad = {0.0, 0.0, 1.57}};
+  add_far("slide at 150 mm/s, " + dense.name, tissue(dense.geometry), slide,
+          {far(55.0, 90.0), far(55.0, 250.0), far(55.0, 1000.0), bad});
+  slide.hz.x() = 1.6;
+  add_far("slide at 300 mm/s, " + dense.name, tissue(dense.geometry), slide, {far(55.0, 90.0)});
   add_far("shaft on the " + dense.name, tissue(dense.geometry), lean(dense.right_m),
           {far(55.0, 90.0)}, with_shaft);
   add_far("scrub at 4 Hz, organ (cloud)", tissue(kOrganCloud),
@@ -407,14 +417,6 @@ std::vector<DisturbedScene> disturbed_scenes(const test::TempFolder& folder,
   add_hard("puncture of the organ (liver)", tissue(organ.geometry, with("puncture_newton: 1.4")),
            press_on(organ.top_m, 0.07), {far(60.0, 60.0)});
   const std::string breath = "motion { amplitude_m { z: 0.003 } frequency_hz: 0.25 }";
-  OwnDisturbance bad = far(80.0, 30.0);
-  bad.name = "80 … 110 ms, 10 % lost, bursts, 30 Hz";
-  for (const char* hop : {"tool_motion", "interaction"}) {
-    for (const char* fault :
-         {"jitter_ms=30", "loss_ratio=0.1", "burst_ratio=0.01", "burst_length=10"}) {
-      bad.overrides.push_back(fmt::format("faults.{}.{}", hop, fault));
-    }
-  }
   const std::vector<OwnDisturbance> unequal{
       {"80 ms there, 0 ms back", {"faults.tool_motion.delay_ms=80"}},
       {"0 ms there, 80 ms back", {"faults.interaction.delay_ms=80"}},

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "common/core/random.h"
@@ -226,6 +227,31 @@ TEST(TileSurface, AViewEndsWhenItsWorkIsUsedUp) {
     EXPECT_EQ(less.uncovered_views, 1u);
     // not more than one tile later
     EXPECT_LE(less.work, less.most_work + 32 * kMaxTileFacets);
+  }
+}
+
+// what is farther away than what may be missing is not looked for where nobody would use it
+TEST(TileSurface, AViewOfOnlyWhatIsCoveredEndsWhereNothingIs) {
+  TiledMesh ball(ball_mesh(0.03, 90));
+  const Vector3 center_m = ball.shape().bounds()->center_m();
+  const Vector3 point_m = center_m + Vector3(0.0, 0.0, 0.036);  // 6 mm off
+  const auto look = [&](double covered_m, bool only_covered) {
+    ball.surface().cover({.from_m = point_m, .to_m = point_m, .radius_m = covered_m});
+    SurfaceHint hint{.only_covered = only_covered};
+    return std::pair(ball.surface().view(point_m, hint), hint);
+  };
+  const auto [whole, free] = look(0.007, false);
+  const auto [same, covered] = look(0.007, true);
+  EXPECT_EQ(same.distance_m, whole.distance_m);
+  EXPECT_EQ(same.normal, whole.normal);
+  EXPECT_EQ(covered.uncovered_views, 0u);
+
+  for (const double covered_m : {0.005, 0.0, -0.01}) {
+    EXPECT_EQ(look(covered_m, false).first.distance_m, whole.distance_m);
+    const auto [nothing, uncovered] = look(covered_m, true);
+    EXPECT_TRUE(std::isinf(nothing.distance_m));
+    EXPECT_EQ(uncovered.uncovered_views, 1u);
+    EXPECT_LT(uncovered.work, free.work);
   }
 }
 
