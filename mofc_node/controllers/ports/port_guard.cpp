@@ -7,6 +7,9 @@
 namespace palpate::controllers {
 namespace {
 
+/// A reading that takes more than so many times v_max is none.
+constexpr double kImpossible = 2.0;
+
 /// The request, or none where a part of it is no number.
 PortValues finite(const PortValues& values, std::size_t count) {
   PortValues taken{};
@@ -36,7 +39,7 @@ void PortGuard::reset() noexcept {
 PortOutput PortGuard::step(const PortInput& input) noexcept {
   const std::size_t count = pool_.clamp().count();
   const auto [elapsed_s, work_joule] = pool_.book(input);
-  const bool is_too_fast = follow(input, elapsed_s);
+  const Motion motion = follow(input, elapsed_s);
   const PortValues requested = finite(input.requested_effort_on_hand, count);
 
   // the cap, the gate
@@ -44,6 +47,7 @@ PortOutput PortGuard::step(const PortInput& input) noexcept {
   contact_work_joule_ = is_requested ? contact_work_joule_ + work_joule : 0.0;
   pool_.limit(credit_cap_joule_ + std::max({0.0, input.stored_energy_joule,
                                             std::min(contact_work_joule_, contact_credit_joule_)}));
+  if (motion.is_impossible) pool_.forfeit(input.position);
   update_gate(input, requested, elapsed_s);
 
   // the bound, closed by the gate
@@ -53,18 +57,20 @@ PortOutput PortGuard::step(const PortInput& input) noexcept {
     output.is_clamped =
         output.is_clamped || output.effort_on_hand[i] != input.requested_effort_on_hand[i];
   }
-  output.is_too_fast = is_too_fast;
+  output.is_too_fast = motion.is_too_fast;
   return output;
 }
 
 /// How the hand moved; after a gap that is not known.
-/// @return whether surely faster than v_max on some port
-bool PortGuard::follow(const PortInput& input, double elapsed_s) noexcept {
-  bool is_too_fast = false;
+PortGuard::Motion PortGuard::follow(const PortInput& input, double elapsed_s) noexcept {
+  Motion motion;
   for (std::size_t i = 0; i < pool_.clamp().count(); ++i) {
     const double moved = elapsed_s > 0.0 ? input.position[i] - position_[i] : 0.0;
     const Port& port = pool_.clamp().port(i);
-    is_too_fast = is_too_fast || std::abs(moved) - port.q > port.v_max * elapsed_s;
+    const double surely = std::abs(moved) - port.q;
+    const double most = port.v_max * elapsed_s;
+    motion.is_too_fast = motion.is_too_fast || surely > most;
+    motion.is_impossible = motion.is_impossible || surely > kImpossible * most;
     moved_since_fresh_[i] += moved;
   }
   position_ = input.position;
@@ -72,7 +78,7 @@ bool PortGuard::follow(const PortInput& input, double elapsed_s) noexcept {
     requested_ = {};
     moved_since_fresh_ = {};
   }
-  return is_too_fast;
+  return motion;
 }
 
 void PortGuard::update_gate(const PortInput& input, const PortValues& requested,

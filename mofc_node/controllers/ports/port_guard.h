@@ -34,6 +34,9 @@ struct PortGuardParameters {
 /// transposed Jacobian of the measured pose, the follower arm, a number that is wrong. An effort
 /// that is not finite counts as no effort on any port.
 ///
+/// A reading that no hand of twice v_max explains (an angle that wraps, a joint that reports
+/// another one's) costs the credit; a debt that it makes stays.
+///
 /// The rest is as in GuardMofc, with the power Σ |F_i| v_max,i in place of |F| where the gate
 /// compares efforts. step() once per reading: no allocation, no lock, no throw. One thread.
 class PortGuard {
@@ -47,7 +50,12 @@ class PortGuard {
   [[nodiscard]] PortOutput step(const PortInput& input) noexcept;
 
  private:
-  [[nodiscard]] bool follow(const PortInput& input, double elapsed_s) noexcept;
+  /// What the readings say of the hand.
+  struct Motion {
+    bool is_too_fast = false;    // surely faster than v_max on some port
+    bool is_impossible = false;  // surely faster than any hand
+  };
+  Motion follow(const PortInput& input, double elapsed_s) noexcept;
   void update_gate(const PortInput& input, const PortValues& requested, double elapsed_s) noexcept;
 
   double credit_cap_joule_;

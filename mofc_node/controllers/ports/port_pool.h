@@ -87,6 +87,8 @@ class PortPool {
 
   /// E′ ← min(E′, joule).
   void limit(double joule) noexcept { ledger_.limit(joule); }
+  /// E′ ← min(E′, 0), from this measured position on.
+  void forfeit(const PortValues& position) noexcept { ledger_.forfeit(position); }
   [[nodiscard]] double dissipated_joule() const noexcept { return ledger_.dissipated_joule(); }
   [[nodiscard]] const PortClamp& clamp() const noexcept { return clamp_; }
 

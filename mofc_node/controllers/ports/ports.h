@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file
 /// ports.h — joints, grips and axes through which a hand exchanges energy with motors: what the
-/// clamp for any of them is told, and what it answers (docs/theory.md §3.3).
+/// clamp for any of them is told, and what it answers (docs/theory.md §2.8).
 ///
 /// Standard library only. Efforts are *on the hand*: what the motors do to it. Every port has its
 /// own unit of position, x, and of effort, F, and the power F·v is in watts for all: rad and N·m

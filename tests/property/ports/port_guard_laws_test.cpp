@@ -4,7 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <numbers>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/property/ports/leader_loop.h"
 #include "tests/property/seeds.h"
@@ -149,6 +154,94 @@ TEST(PortGuard, ReducesWhatIsRequestedOrKeepsIt) {
         ASSERT_LE(out.ledger_energy_joule, out.counted_energy_joule);
       });
     }
+  }
+}
+
+/// One joint of 0.1 N·m and 0.1 N·m·s/rad, at 1 kHz.
+struct OneJoint {
+  PortGuardParameters parameters{
+      .ports = {Port{.f_d = 0.1, .f_co = 0.1, .q = 1.6e-3, .v_max = 5.0}},
+      .count = 1,
+      .times = {.hold_s = 1e-3, .delta_max_s = 0.0, .longest_lease_s = 5e-3}};
+  PortGuard guard{parameters};
+  PortStretch stretch{.duration_s = 1e-3};
+
+  PortOutput step(double angle_rad, double asked_newton_m) {
+    stretch.position_at_end[0] = angle_rad;
+    PortInput input;
+    input.position = stretch.position_at_end;
+    input.acting_effort_on_hand = stretch.effort_on_hand;
+    input.acting_lease_s = 1e-3;
+    input.requested_effort_on_hand[0] = asked_newton_m;
+    if (has_begun) input.applied = {&stretch, 1};
+    has_begun = true;
+    const PortOutput output = guard.step(input);
+    stretch.effort_on_hand = output.effort_on_hand;
+    return output;
+  }
+  bool has_begun = false;
+};
+
+TEST(PortGuard, AnAngleThatWrapsIsNoMotion) {
+  OneJoint joint;
+  for (int k = 0; k < 100; ++k) joint.step(3.0 + 1e-3 * k, 0.0);  // 1 rad/s: 20 µJ a tick
+  const double before = joint.step(3.1, 0.0).ledger_energy_joule;
+  EXPECT_GT(before, 5e-4);
+  const PortOutput after = joint.step(3.1 - 2.0 * std::numbers::pi, 2.0);
+  EXPECT_TRUE(after.is_too_fast);
+  EXPECT_LE(after.ledger_energy_joule, 0.0);
+  EXPECT_NEAR(after.effort_on_hand[0], 0.1, 1e-9);
+}
+
+TEST(PortGuard, AHandSomewhatFasterThanVMaxIsReportedAndKeepsItsCredit) {
+  OneJoint joint;
+  for (int k = 0; k < 100; ++k) joint.step(7.5e-3 * k, 0.0);
+  const PortOutput output = joint.step(7.5e-3 * 100, 0.0);
+  EXPECT_TRUE(output.is_too_fast);
+  EXPECT_GT(output.ledger_energy_joule, 4e-3);
+}
+
+// A power of two rounds nothing, so the answers agree to the bit.
+TEST(PortGuard, TheUnitOfAPortDoesNotMatter) {
+  for (const std::uint64_t seed : seeds(20)) {
+    LeaderCase c(seed, 7);
+    const auto scale_of = [](std::size_t i) { return i % 2 == 0 ? 64.0 : 0.125; };
+    PortGuardParameters scaled = c.parameters;
+    for (std::size_t i = 0; i < scaled.count; ++i) {
+      const double a = scale_of(i);
+      Port& port = scaled.ports[i];
+      port = {.f_d = port.f_d / a / a,
+              .f_co = port.f_co / a,
+              .q = port.q * a,
+              .v_max = port.v_max * a,
+              .priority = port.priority};
+    }
+    PortGuard other(scaled);
+    LeaderLoop loop(c);
+    std::vector<PortStretch> applied;
+    loop.run(200, [&](const PortInput& in, const PortOutput& out) {
+      const auto stretched = [&](const PortValues& values, bool is_effort) {
+        PortValues result{};
+        for (std::size_t i = 0; i < scaled.count; ++i) {
+          result[i] = is_effort ? values[i] / scale_of(i) : values[i] * scale_of(i);
+        }
+        return result;
+      };
+      applied.assign(in.applied.begin(), in.applied.end());
+      for (PortStretch& stretch : applied) {
+        stretch.effort_on_hand = stretched(stretch.effort_on_hand, true);
+        stretch.position_at_end = stretched(stretch.position_at_end, false);
+      }
+      PortInput input = in;
+      input.position = stretched(in.position, false);
+      input.applied = applied;
+      input.acting_effort_on_hand = stretched(in.acting_effort_on_hand, true);
+      input.requested_effort_on_hand = stretched(in.requested_effort_on_hand, true);
+      const PortOutput answer = other.step(input);
+      ASSERT_EQ(answer.effort_on_hand, stretched(out.effort_on_hand, true)) << "seed " << seed;
+      ASSERT_EQ(answer.ledger_energy_joule, out.ledger_energy_joule);
+      ASSERT_EQ(answer.lease_s, out.lease_s);
+    });
   }
 }
 
