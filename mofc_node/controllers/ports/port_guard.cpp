@@ -22,6 +22,18 @@ PortValues finite(const PortValues& values, std::size_t count) {
 
 }  // namespace
 
+PortGuardParameters raised_for_one_hold(PortGuardParameters parameters,
+                                        const PortValues& peak_effort) {
+  const PortClamp clamp(parameters.used(), parameters.times.hold_s);
+  const double hold_joule = parameters.times.hold_s * clamp.drain_watt(peak_effort);
+  if (hold_joule > parameters.credit_cap_joule) {
+    parameters.contact_credit_joule = std::max(parameters.contact_credit_joule, hold_joule);
+  }
+  parameters.credit_cap_joule = std::max(parameters.credit_cap_joule, 0.25 * hold_joule);
+  parameters.gate_joule = std::max(parameters.gate_joule, hold_joule);
+  return parameters;
+}
+
 PortGuard::PortGuard(const PortGuardParameters& parameters)
     : credit_cap_joule_(parameters.credit_cap_joule),
       contact_credit_joule_(parameters.contact_credit_joule),

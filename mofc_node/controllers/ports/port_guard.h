@@ -29,6 +29,13 @@ struct PortGuardParameters {
   }
 };
 
+/// Raises cap, gate and contact credit to what one hold of the largest efforts can leak, as a
+/// session does for three axes: at low rates an effort that is held between two readings leaks more
+/// than the cap, and would be cut off.
+/// @param peak_effort  ≥ 0, of the motors, per port
+[[nodiscard]] PortGuardParameters raised_for_one_hold(PortGuardParameters parameters,
+                                                      const PortValues& peak_effort);
+
 /// Mode `guard` (GuardMofc) for up to eight ports of any units: E(t) ≥ 0 for all t, any hand within
 /// v_max on every port, any request. What is requested may come from anywhere: a wrench through the
 /// transposed Jacobian of the measured pose, the follower arm, a number that is wrong. An effort
