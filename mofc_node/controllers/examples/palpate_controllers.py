@@ -78,15 +78,17 @@ class JointClamp:
 
     def step(self, position, requested, elapsed_s, is_known=True, stored_joule=0.0):
         """position: the readings now, in rad; requested: N·m on the hand; elapsed_s: since the step
-        before; is_known: the last answer acted all that time; stored_joule: elastic energy behind
-        the request, which it may give back. Returns what to send, in N·m."""
+        before; is_known: the last answer acted all that time, which it does not if that was longer
+        than its lease; stored_joule: elastic energy behind the request, which it may give back.
+        Returns what to send, in N·m."""
         step, last = self._input, self._last
         for i in range(self._count):
             step.position[i] = last.position_at_end[i] = position[i]
             step.requested_effort_on_hand[i] = requested[i]
         last.duration_s = elapsed_s
         step.stored_energy_joule = stored_joule
-        step.has_gap = not is_known
+        is_leased = elapsed_s <= (1.0 + 1e-9) * self.output.lease_s
+        step.has_gap = not (is_known and is_leased)
         status = self._library.palpate_ports_step(self._ports, byref(step), byref(self.output))
         step.applied_count = 1
         for i in range(self._count):  # all zero where the status is not 0

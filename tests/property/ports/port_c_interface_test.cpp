@@ -138,7 +138,7 @@ TEST(PortCInterface, AnswersAsTheClassDoes) {
     largest = std::max(largest, std::abs(out.effort_on_hand[0]));
     clamped += out.is_clamped;
   }
-  EXPECT_GT(largest, 0.5);
+  EXPECT_GT(largest, 4.0 * kPorts[0].coulomb);
   EXPECT_GT(clamped, 10);
   EXPECT_LT(clamped, 399);
 }
