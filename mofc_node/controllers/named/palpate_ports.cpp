@@ -12,7 +12,6 @@
 #include "mofc_node/controllers/ports/port_guard.h"
 
 using palpate::controllers::kMostPorts;
-using palpate::controllers::Port;
 using palpate::controllers::PortGuard;
 using palpate::controllers::PortGuardParameters;
 using palpate::controllers::PortOutput;
