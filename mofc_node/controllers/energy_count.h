@@ -13,19 +13,19 @@ namespace palpate::controllers {
 /// Rounding, and the lengths over which friction is observed.
 namespace detail {
 
-// Moved this many resolutions, a window loses at most 1 − (1 − √3/16)² = 20 % to the quantisation,
-// on a single axis 12 %.
+/// Moved this many resolutions, a window loses at most 1 − (1 − √3/16)² = 20 % to the quantisation,
+/// on a single axis 12 %.
 inline constexpr double kWindowResolutions = 16.0;
 
-// The path of so many resolutions says in which direction friction acts. Shorter ones make its
-// force change more often, longer ones let it lag behind the hand.
+/// The path of so many resolutions says in which direction friction acts. Shorter ones make its
+/// force change more often, longer ones let it lag behind the hand.
 inline constexpr double kRecentResolutions = 16.0;
 
-// One step back of an encoder is as long as the play is wide, but for rounding.
+/// One step back of an encoder is as long as the play is wide, but for rounding.
 inline constexpr double kEdge = 1.0 - 1e-6;
 
-// More than the rounding error of a few operations, relative to their largest term. Sums are
-// lowered by it, so that rounding costs credit and never makes any.
+/// More than the rounding error of a few operations, relative to their largest term. Sums are
+/// lowered by it, so that rounding costs credit and never makes any.
 inline constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
 
 /// Lower bound of a − b, a and b being right to within rounding.
@@ -44,15 +44,24 @@ inline double sum_from_below(double a, double b) { return (a + b) * (1.0 - kRoun
 template <int kAxes>
 class EnergyCount {
  public:
-  using Vector = Eigen::Matrix<double, kAxes, 1>;
+  using Vector = Eigen::Matrix<double, kAxes, 1>;  ///< of positions and forces
 
+  /// Counts nothing.
   EnergyCount() = default;
+  /// @param f_d  ≥ 0, viscous   @param f_co  ≥ 0, Coulomb   @param q  ≥ 0, of each coordinate
+  /// @param w  a displacement's norm is within ±w of the measured one
   EnergyCount(double f_d, double f_co, double q, double w) : f_d_(f_d), f_co_(f_co), q_(q), w_(w) {}
+  /// Begins with no energy at this measured position.
   void restart(const Vector& position_m) noexcept;
+  /// Books an interval during which the user exerted the force f.
+  /// @param duration_s  ≥ 0, measured   @param f  on the environment
+  /// @param position_at_end_m  measured
   void book(double duration_s, const Vector& f, const Vector& position_at_end_m) noexcept;
   /// The same without the work: the force ended on the way, where nothing was read.
   void book_release(double duration_s, const Vector& f, const Vector& position_at_end_m) noexcept;
+  /// Of all that is booked.
   [[nodiscard]] double energy_joule() const noexcept { return energy_joule_; }
+  /// By friction, on the paths that are sure.
   [[nodiscard]] double dissipated_joule() const noexcept { return dissipated_joule_; }
 
  private:

@@ -16,6 +16,7 @@ class LeakGate {
   /// Open. @param most_joule  S_g > 0   @param recovery_s  t_rec > 0
   LeakGate(double most_joule, double recovery_s)
       : most_joule_(most_joule), recovery_s_(recovery_s), store_joule_(most_joule) {}
+  /// S ← S_g.
   void open() noexcept { store_joule_ = most_joule_; }
 
   /// @param joule  dissipated by friction up to now, by the ledger's count

@@ -41,6 +41,7 @@ struct LeaseTimes {
 /// no throw.
 class LeaseRule {
  public:
+  /// Does not check the times.
   explicit LeaseRule(const LeaseTimes& times) : p_(times) {}
 
   /// What is set aside for the force that acts at t_k, and how long the answer has to last.
@@ -52,6 +53,9 @@ class LeaseRule {
     double spent_joule;   ///< δ drain(F_acting), or what its lease leaves of that
     double covered_s;     ///< for how long the answer must be covered, ≥ T_hold
   };
+  /// Sets aside what the force that acts may still take.
+  /// @param energy_joule  E′   @param acting_lease_s  ≥ 0, rest of the lease of F_acting
+  /// @param acting_watt  drain(F_acting)
   /// @param hole_s  of holes that keep coming, which the answer is to last through; 0: none
   [[nodiscard]] Reserve reserve(double energy_joule, double acting_lease_s, double acting_watt,
                                 double hole_s) const noexcept {
@@ -74,10 +78,11 @@ class LeaseRule {
 
   /// How long the answer may act, and by when it must have begun.
   struct Lease {
-    double lease_s;
-    double begins_within_s;
+    double lease_s;          ///< T_hold … T_lease,max
+    double begins_within_s;  ///< δ
   };
-  /// @param drain_watt  drain(F), covered_s drain(F) being covered
+  /// Grants F its times.
+  /// @param r  of this step   @param drain_watt  drain(F), covered_s drain(F) being covered
   [[nodiscard]] Lease lease(const Reserve& r, double drain_watt) const noexcept {
     // for as long as it is paid, and as late
     const double kept_s = std::max(r.covered_s, std::min(longest_s(), kKeptLease_s));

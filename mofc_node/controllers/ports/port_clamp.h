@@ -32,6 +32,7 @@ class PortClamp {
 
   /// The largest efforts along the requested ones with T_hold · drain(F) ≤ E′, to within 1e-9 of
   /// them, from below.
+  /// @param requested_effort_on_hand  F_e, all finite
   /// @param energy_joule  E′; below 0 counts as 0
   /// @param gate  0 … 1: granted share of the efforts beyond what friction alone absorbs
   [[nodiscard]] PortValues clamp(const PortValues& requested_effort_on_hand, double energy_joule,
@@ -40,7 +41,9 @@ class PortClamp {
   /// PortOutput::most_effort.
   [[nodiscard]] PortValues most_effort(double energy_joule, double gate) const noexcept;
 
+  /// How many ports there are.
   [[nodiscard]] std::size_t count() const noexcept { return count_; }
+  /// @param i  below count()
   [[nodiscard]] const Port& port(std::size_t i) const noexcept { return ports_[i]; }
 
  private:

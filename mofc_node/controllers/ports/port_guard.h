@@ -15,13 +15,13 @@ namespace palpate::controllers {
 
 /// The ports and the settings of their guard. Symbols as in docs/theory.md §2.7.
 struct PortGuardParameters {
-  std::array<Port, kMostPorts> ports{};
-  std::size_t count = 0;              ///< 1 … kMostPorts, of ports
-  LeaseTimes times{};                 ///< T_hold, δ_max, δ_p, T_lease,max
-  double credit_cap_joule = 5e-3;     ///< S_cap > 0: credit beyond what the environment stores
-  double contact_credit_joule = 0.0;  ///< S_c ≥ 0: work of this contact that counts as stored
-  double gate_joule = 10e-3;          ///< S_g > 0: leak that closes the gate
-  double gate_recovery_s = 0.5;       ///< t_rec > 0: time constant with which it opens
+  std::array<Port, kMostPorts> ports{};  ///< the first `count` of them
+  std::size_t count = 0;                 ///< 1 … kMostPorts, of ports
+  LeaseTimes times{};                    ///< T_hold, δ_max, δ_p, T_lease,max
+  double credit_cap_joule = 5e-3;        ///< S_cap > 0: credit beyond what the environment stores
+  double contact_credit_joule = 0.0;     ///< S_c ≥ 0: work of this contact that counts as stored
+  double gate_joule = 10e-3;             ///< S_g > 0: leak that closes the gate
+  double gate_recovery_s = 0.5;          ///< t_rec > 0: time constant with which it opens
 
   /// The ports that are used.
   [[nodiscard]] std::span<const Port> used() const noexcept {
@@ -32,7 +32,7 @@ struct PortGuardParameters {
 /// Raises cap, gate and contact credit to what one hold of the largest efforts can leak, as a
 /// session does for three axes: at low rates an effort that is held between two readings leaks more
 /// than the cap, and would be cut off.
-/// @param peak_effort  ≥ 0, of the motors, per port
+/// @param parameters  to raise   @param peak_effort  ≥ 0, of the motors, per port
 [[nodiscard]] PortGuardParameters raised_for_one_hold(PortGuardParameters parameters,
                                                       const PortValues& peak_effort);
 

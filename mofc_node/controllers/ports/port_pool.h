@@ -89,11 +89,14 @@ class PortPool {
   void limit(double joule) noexcept { ledger_.limit(joule); }
   /// E′ ← min(E′, 0), from this measured position on.
   void forfeit(const PortValues& position) noexcept { ledger_.forfeit(position); }
+  /// PortLedger::dissipated_joule.
   [[nodiscard]] double dissipated_joule() const noexcept { return ledger_.dissipated_joule(); }
+  /// That of the ports.
   [[nodiscard]] const PortClamp& clamp() const noexcept { return clamp_; }
 
   /// The efforts that the pool covers, with their lease.
-  /// @param requested  the input's, all finite   @param gate  0 … 1
+  /// @param input  the step that was booked last
+  /// @param requested  its request, all finite   @param gate  0 … 1
   [[nodiscard]] PortOutput grant(const PortInput& input, const PortValues& requested,
                                  double gate) const noexcept;
 
