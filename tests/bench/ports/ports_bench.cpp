@@ -81,7 +81,9 @@ std::vector<double> ports(int steps, std::size_t count, bool has_priorities) {
   StepTimes times(steps);
   PortStretch stretch{.duration_s = 1e-3};
   for (int k = 0; k < steps; ++k) {
-    PortInput input{.acting_effort_on_hand = stretch.effort_on_hand, .acting_lease_s = 2e-3};
+    PortInput input;
+    input.acting_effort_on_hand = stretch.effort_on_hand;
+    input.acting_lease_s = 2e-3;
     for (std::size_t i = 0; i < count; ++i) {
       const double x = read(swing(k, 0.5 * static_cast<double>(i)));
       input.position[i] = stretch.position_at_end[i] = x;
