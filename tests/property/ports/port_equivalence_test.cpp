@@ -48,7 +48,7 @@ class Beside final : public ForceController {
     beside.is_request_fresh = input.is_request_fresh;
     beside.stored_energy_joule = input.stored_energy_joule;
 
-    const ControlOutput output = guard_.step(input);
+    ControlOutput output = guard_.step(input);
     compare(output, port_.step(beside), std::abs(beside.acting_effort_on_hand[0]));
     if (random_.chance(0.002)) {
       guard_.reset();
@@ -148,6 +148,7 @@ TEST(PortLedger, OfSeveralPortsIsTheSumOfThoseOfEach) {
     Random random(seed);
     PortLedger all(ports);
     std::vector<PortLedger> single;
+    single.reserve(ports.size());
     for (const Port& port : ports) single.emplace_back(std::span(&port, 1));
     PortValues x{};
     for (int k = 0; k < 100; ++k) {
