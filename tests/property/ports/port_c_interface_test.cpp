@@ -255,6 +255,10 @@ TEST(PortGuardParameters, AreRaisedToOneHoldOfThePeak) {
   EXPECT_EQ(large.credit_cap_joule, 1.0);
   EXPECT_EQ(large.contact_credit_joule, 0.0);
   EXPECT_EQ(large.gate_joule, 1.0);
+  PortGuardParameters contact = p;
+  contact.credit_cap_joule = 1e-3;
+  contact.contact_credit_joule = 2.0;
+  EXPECT_EQ(raised_for_one_hold(contact, {2.0, 3.3, 0.0}).contact_credit_joule, 2.0);
 }
 
 }  // namespace

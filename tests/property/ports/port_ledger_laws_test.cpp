@@ -100,16 +100,20 @@ TEST(PortLedgerLaws, ItExceedsItWhereNothingIsTakenOffForWhatATurningBodyHides) 
 }
 
 TEST(PortLedgerLaws, ADoubtOverNoTimeCostsTheCredit) {
-  const std::array<Port, 1> port{Port{.f_d = 1.0, .f_co = 0.0, .q = 0.0, .v_max = 1.0}};
+  const std::array<Port, 1> port{Port{.f_d = 1.0, .f_co = 0.3, .q = 0.0, .v_max = 4.0}};
   PortLedger ledger(port);
   ledger.restart({});
-  ledger.book({.duration_s = 1.0, .position_at_end = {0.5}});
-  EXPECT_NEAR(ledger.energy_joule(), 0.25, 1e-12);
-  // (|F| + f_co + f_d (2 v_max + R/T)) R = (2 + 0 + 1 (2 + 0.1)) 0.1, and −F·Δx = 2 · 0.1
+  ledger.book({.duration_s = 0.5, .position_at_end = {0.5}});
+  const double before = 0.5 + 0.3 * 0.5;  // f_d Δx²/T + f_co Δx
+  EXPECT_NEAR(ledger.energy_joule(), before, 1e-12);
+  // −F·Δx is 2 · 0.1; the doubt (|F| + f_co + f_d (2 v_max + R/T)) R with R = 0.1
   ledger.book(
-      {.duration_s = 1.0, .effort_on_hand = {-2.0}, .position_at_end = {0.6}, .doubt = {0.1}});
-  EXPECT_NEAR(ledger.energy_joule(), 0.25 + 0.01 + 0.2 - 0.41, 1e-12);
-  ledger.book({.duration_s = 0.0, .position_at_end = {0.6}, .doubt = {0.1}});
+      {.duration_s = 0.5, .effort_on_hand = {-2.0}, .position_at_end = {0.6}, .doubt = {0.1}});
+  const double doubt = (2.0 + 0.3 + 1.0 * (8.0 + 0.2)) * 0.1;
+  EXPECT_NEAR(ledger.energy_joule(), before + 0.02 + 0.03 + 0.2 - doubt, 1e-12);
+  ledger.book({.duration_s = 1.0, .position_at_end = {2.6}});
+  EXPECT_GT(ledger.energy_joule(), 1.0);
+  ledger.book({.duration_s = 0.0, .position_at_end = {2.6}, .doubt = {0.1}});
   EXPECT_EQ(ledger.energy_joule(), 0.0);
 }
 
