@@ -69,7 +69,9 @@ set(PALPATE_BOUNDARIES
   "mofc_node/controllers:wave_channel.h"
   # installed into one folder with the headers of controllers/, which it names without theirs
   "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h,implicit_step.h,wave_channel.h"
-  "mofc_node/controllers/named:mofc_node/controllers/rivals,axis_friction.h,force_controller.h,guard_mofc.h,own_controllers.h,paper_mofc.h,safety_net.h,vector_mofc.h"
+  # several ports of any units: not the forces and positions of the three-axis loop
+  "mofc_node/controllers/ports:energy_count.h,leak_gate.h,lease_rule.h,mofc_equations.h"
+  "mofc_node/controllers/named:mofc_node/controllers/ports,mofc_node/controllers/rivals,axis_friction.h,force_controller.h,guard_mofc.h,own_controllers.h,paper_mofc.h,safety_net.h,vector_mofc.h"
   # a project of its own, against stubs
   "mofc_node/controllers/examples:"
 

@@ -10,6 +10,7 @@
 #include <span>
 
 #include "axis_friction.h"
+#include "energy_count.h"
 #include "mofc_equations.h"
 
 namespace palpate::controllers {
@@ -90,49 +91,7 @@ class EnergyLedger {
   [[nodiscard]] double dissipated_joule() const noexcept;
 
  private:
-  class Count {
-   public:
-    Count() = default;
-    Count(double f_d, double f_co, double q, double w) : f_d_(f_d), f_co_(f_co), q_(q), w_(w) {}
-    void restart(const Vector3& position_m) noexcept;
-    void book(double duration_s, const Vector3& f, const Vector3& position_at_end_m) noexcept;
-    /// The same without the work: the force ended on the way, where nothing was read.
-    void book_release(double duration_s, const Vector3& f,
-                      const Vector3& position_at_end_m) noexcept;
-    [[nodiscard]] double energy_joule() const noexcept { return energy_joule_; }
-    [[nodiscard]] double dissipated_joule() const noexcept { return dissipated_joule_; }
-
-   private:
-    /// Makes g that of the interval.
-    void hold(const Vector3& f, const Vector3& position_at_end_m) noexcept;
-    void work(const Vector3& force_newton, const Vector3& position_at_end_m) noexcept;
-    void move_to(const Vector3& position_m, double duration_s) noexcept;
-    void begin_window() noexcept;  // at position_m_
-    void sum_up() noexcept;
-    [[nodiscard]] double window_viscous_joule() const noexcept;
-
-    double f_d_ = 0.0;
-    double f_co_ = 0.0;
-    double q_ = 0.0;
-    double w_ = 0.0;  // a displacement's norm is within ±w of the measured one
-
-    Vector3 position_m_ = Vector3::Zero();
-    double work_joule_ = 0.0;                // Σ g·dh
-    Vector3 held_newton_ = Vector3::Zero();  // g(k−1)
-    double variation_newton_ = 0.0;          // |g(0)|₁ + Σ|Δg|₁
-
-    Vector3 play_m_ = Vector3::Zero();  // output of a play operator of half-width q/2
-    Vector3 path_m_ = Vector3::Zero();  // L: of that output, the recent part
-    double friction_joule_ = 0.0;
-
-    Vector3 window_start_m_ = Vector3::Zero();
-    double window_s_ = 0.0;
-    double closed_windows_viscous_joule_ = 0.0;
-
-    // of all that is booked
-    double dissipated_joule_ = 0.0;
-    double energy_joule_ = 0.0;
-  };
+  using Count = EnergyCount<3>;
 
   /// One, or one per axis.
   [[nodiscard]] std::span<const Count> counts() const noexcept { return {counts_.data(), used_}; }

@@ -2,7 +2,6 @@
 #include "mofc_node/controllers/guard_mofc.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 
 namespace palpate::controllers {
@@ -17,11 +16,11 @@ GuardMofc::GuardMofc(const GuardParameters& parameters)
              .longest_lease_s = parameters.longest_lease_s,
              .v_max_m_per_s = parameters.v_max_m_per_s,
              .bridges_holes = true}),
-      gate_store_joule_(parameters.gate_joule) {}
+      gate_(parameters.gate_joule, parameters.gate_recovery_s) {}
 
 void GuardMofc::reset() noexcept {
   pool_.reset();
-  gate_store_joule_ = p_.gate_joule;
+  gate_.open();
   contact_work_joule_ = 0.0;
   moved_since_fresh_m_.setZero();
   requested_newton_.setZero();
@@ -51,32 +50,27 @@ ControlOutput GuardMofc::step(const ControlInput& input) noexcept {
   update_gate(input, elapsed_s);
 
   // the bound, closed by the gate
-  const double gate = std::max(0.0, gate_store_joule_ / p_.gate_joule);  // the store is ≤ S_g
-  ControlOutput output = pool_.grant(input, gate);
+  ControlOutput output = pool_.grant(input, gate_.gate());
   output.is_too_fast = is_too_fast;
   return output;
 }
 
 void GuardMofc::update_gate(const ControlInput& input, double elapsed_s) noexcept {
-  const double dissipated = pool_.dissipated_joule();
-  gate_store_joule_ += std::max(0.0, dissipated - dissipated_joule_);
-  dissipated_joule_ = dissipated;
+  gate_.dissipated(pool_.dissipated_joule());
 
   // what holding the force while the hand moved has leaked, booked when the next force is known
   if (input.is_request_fresh) {
     const double before = requested_newton_.norm();
     const double share =
         before > 0.0 ? std::min(1.0, input.acting_force_on_hand_newton.norm() / before) : 1.0;
-    gate_store_joule_ +=
+    gate_.held(
         0.5 * share *
-        (input.requested_force_on_hand_newton - requested_newton_).dot(moved_since_fresh_m_);
+        (input.requested_force_on_hand_newton - requested_newton_).dot(moved_since_fresh_m_));
     requested_newton_ = input.requested_force_on_hand_newton;
     moved_since_fresh_m_.setZero();
   }
 
-  gate_store_joule_ +=
-      (p_.gate_joule - gate_store_joule_) * (1.0 - std::exp(-elapsed_s / p_.gate_recovery_s));
-  gate_store_joule_ = std::clamp(gate_store_joule_, -p_.gate_joule, p_.gate_joule);
+  gate_.recover(elapsed_s);
 }
 
 }  // namespace palpate::controllers

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "force_controller.h"
+#include "leak_gate.h"
 #include "leased_pool.h"
 
 namespace palpate::controllers {
@@ -62,11 +63,10 @@ class GuardMofc final : public ForceController {
   LeasedPool pool_;
   double contact_work_joule_ = 0.0;  // W_c
 
-  double gate_store_joule_;                        // S
+  LeakGate gate_;
   Vector3 position_m_ = Vector3::Zero();           // x of the step before
   Vector3 moved_since_fresh_m_ = Vector3::Zero();  // Δx since F_e was last evaluated
   Vector3 requested_newton_ = Vector3::Zero();     // that F_e
-  double dissipated_joule_ = 0.0;                  // by the ledger's count, at the last step
 };
 
 }  // namespace palpate::controllers

@@ -5,31 +5,6 @@
 #include <cmath>
 
 namespace palpate::controllers {
-namespace {
-
-constexpr double kSpan_s = 1.0;
-constexpr int kLeastHoles = 3;
-/// Most pauses of a machine are shorter: to last through them is worth more than to begin late.
-constexpr double kKeptLease_s = 8e-3;
-
-}  // namespace
-
-void HoleLengths::note(double duration_s, double hold_s) noexcept {
-  span_s_ += duration_s;
-  if (span_s_ > kSpan_s) {
-    spans_ = {Span{}, span_s_ > 2.0 * kSpan_s ? Span{} : spans_[0]};
-    span_s_ = 0.0;
-  }
-  if (duration_s <= hold_s) return;
-  spans_[0].longest_s = std::max(spans_[0].longest_s, duration_s);
-  ++spans_[0].count;
-}
-
-double HoleLengths::longest_s() const noexcept {
-  if (spans_[0].count + spans_[1].count < kLeastHoles) return 0.0;
-  return std::max(spans_[0].longest_s, spans_[1].longest_s);
-}
-
 LeasedPool::Booked LeasedPool::book(const ControlInput& input) noexcept {
   if (!has_started_) {
     has_started_ = true;
@@ -94,39 +69,18 @@ std::size_t LeasedPool::book_unread(const ControlInput& input, std::size_t first
 
 ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const noexcept {
   // what the force that acts now can still drain before this answer replaces it
-  const double energy = std::min(ledger_.energy_joule(), input.energy_limit_joule);
-  const double acting_s = std::max(0.0, input.acting_lease_s);
-  const double acting_watt = clamp_.drain_watt(input.acting_force_on_hand_newton);
-  const auto spent_within = [&](double within_s) {
-    const double left_s = std::min(acting_s, within_s);
-    return left_s > 0.0 ? left_s * acting_watt : 0.0;
-  };
-  double delta_s = p_.prompt_s > 0.0 ? std::min(p_.prompt_s, p_.delta_max_s) : p_.delta_max_s;
-  double spent = spent_within(delta_s);
-
-  // in holes that keep coming no force is worth more than one that lasts to their end
-  const double longest_s = std::max(p_.mofc.T, p_.longest_lease_s);
-  const double hole_s = p_.bridges_holes && has_ended_unread_ ? holes_.longest_s() : 0.0;
-  const double covered_s = hole_s <= longest_s ? std::max(p_.mofc.T, hole_s) : p_.mofc.T;
-
-  ControlOutput output = clamp_.clamp(input.requested_force_on_hand_newton,
-                                      (energy - spent) * (p_.mofc.T / covered_s), gate);
-  output.ledger_energy_joule = energy;
+  const LeaseRule::Reserve reserve =
+      rule_.reserve(std::min(ledger_.energy_joule(), input.energy_limit_joule),
+                    input.acting_lease_s, clamp_.drain_watt(input.acting_force_on_hand_newton),
+                    p_.bridges_holes && has_ended_unread_ ? holes_.longest_s() : 0.0);
+  ControlOutput output =
+      clamp_.clamp(input.requested_force_on_hand_newton, rule_.credit_joule(reserve), gate);
+  output.ledger_energy_joule = reserve.energy_joule;
   output.counted_energy_joule = ledger_.energy_joule();
-
-  // for as long as it is paid, and as late
-  const double drain = clamp_.drain_watt(output.force_on_hand_newton);
-  const double kept_s = std::max(covered_s, std::min(longest_s, kKeptLease_s));
-  const double spare = energy - spent - kept_s * drain;
-  if (acting_watt > 0.0) delta_s += std::max(0.0, spare) / acting_watt;
-  // beyond the rest of its lease the acting force costs no more
-  if (acting_watt == 0.0 || delta_s >= std::min(acting_s, p_.delta_max_s)) delta_s = p_.delta_max_s;
-  spent = spent_within(delta_s);
-  const double paid_s = drain > 0.0 ? std::max(0.0, energy - spent) / drain : longest_s;
-  output.begins_within_s = delta_s;
-  // what was kept is paid, but for rounding
-  const double least_s = spare > 0.0 ? kept_s : p_.mofc.T;
-  output.lease_s = paid_s > least_s ? std::min(paid_s, longest_s) : least_s;
+  const LeaseRule::Lease lease =
+      rule_.lease(reserve, clamp_.drain_watt(output.force_on_hand_newton));
+  output.begins_within_s = lease.begins_within_s;
+  output.lease_s = lease.lease_s;
   return output;
 }
 

@@ -4,12 +4,12 @@
 /// pool covers them.
 #pragma once
 
-#include <array>
 #include <limits>
 #include <optional>
 
 #include "energy_ledger.h"
 #include "force_controller.h"
+#include "lease_rule.h"
 #include "one_pool_clamp.h"
 
 namespace palpate::controllers {
@@ -24,25 +24,6 @@ struct LeasedPoolParameters {
   double longest_lease_s = 0.0;  ///< T_lease,max: no command acts longer; below T it counts as T
   double v_max_m_per_s = std::numeric_limits<double>::infinity();  ///< > 0, of the hand
   bool bridges_holes = false;  ///< while holes keep coming: only forces that last through them
-};
-
-/// How long the device goes without a reading, again and again. A hole is a time between two
-/// readings that is longer than T_hold; there are none until three have come within the last 1 … 2
-/// s. No allocation, no throw.
-class HoleLengths {
- public:
-  /// @param duration_s  ≥ 0, between two readings   @param hold_s  T_hold
-  void note(double duration_s, double hold_s) noexcept;
-  /// The longest of them; 0 where they are too few.
-  [[nodiscard]] double longest_s() const noexcept;
-
- private:
-  struct Span {
-    double longest_s = 0.0;
-    int count = 0;
-  };
-  std::array<Span, 2> spans_{};  // the present one, the one before
-  double span_s_ = 0.0;          // of the present one
 };
 
 /// The ledger and the rule that keeps E(t) ≥ 0 (docs/theory.md §2.5). With δ the longest time from
@@ -63,7 +44,11 @@ class LeasedPool {
   explicit LeasedPool(const LeasedPoolParameters& parameters)
       : p_(parameters),
         clamp_(parameters.mofc, parameters.per_axis, parameters.v_max_m_per_s),
-        ledger_(parameters.mofc, parameters.per_axis, parameters.resolution_m) {}
+        ledger_(parameters.mofc, parameters.per_axis, parameters.resolution_m),
+        rule_({.hold_s = parameters.mofc.T,
+               .delta_max_s = parameters.delta_max_s,
+               .prompt_s = parameters.prompt_s,
+               .longest_lease_s = parameters.longest_lease_s}) {}
 
   /// Forgets everything; the next book() begins a ledger.
   void reset() noexcept {
@@ -96,6 +81,7 @@ class LeasedPool {
   LeasedPoolParameters p_;
   OnePoolClamp clamp_;
   EnergyLedger ledger_;
+  LeaseRule rule_;
   HoleLengths holes_{};
   bool has_ended_unread_ = false;  // a force, in this session: the device has no latch
   bool has_started_ = false;

@@ -12,7 +12,9 @@ from pathlib import Path
 from support import BIN, ROOT
 
 sys.path.insert(0, str(ROOT / "mofc_node/controllers/examples"))
-from palpate_controllers import Input, Output, Stretch, Tissue, load  # noqa: E402
+from leader_arms import PERIOD_S, joint_clamp, teleoperate  # noqa: E402
+from palpate_controllers import Input, JointClamp, Output, Port, Stretch, Tissue, load  # noqa: E402
+from two_arms import JOINTS, TwoArms  # noqa: E402
 
 LIBRARY = Path(os.environ.get("PALPATE_CONTROLLERS",
                               BIN.parent / "mofc_node/controllers/libpalpate_controllers_c.so"))
@@ -77,6 +79,54 @@ class Callbacks(unittest.TestCase):
         force = self.rendered("lyapunov")
         self.assertGreater(len(self.seen), 0)
         self.assertGreater(force[2], 0.9 * min(3.3, K * DEPTH_M))
+
+
+@unittest.skipUnless(LIBRARY.exists(), f"{LIBRARY} is not built")
+class LeaderArms(unittest.TestCase):
+    def setUp(self) -> None:
+        self.library = load(str(LIBRARY))
+
+    def run_pair(self, delay_s: float, clamp) -> tuple[TwoArms, float]:
+        arms = TwoArms(delay_s)
+        return arms, teleoperate(arms, clamp)
+
+    def test_a_late_pair_drives_the_hand_and_shakes_without_the_clamp_only(self) -> None:
+        free, _ = self.run_pair(0.05, None)
+        held, _ = self.run_pair(0.05, joint_clamp(self.library, 0.2))
+        self.assertLess(free.least_joule, -1.0)
+        self.assertGreaterEqual(held.least_joule, -1e-6)
+        self.assertGreater(free.shake_deg(PERIOD_S), 5.0)
+        self.assertLess(held.shake_deg(PERIOD_S), 1.0)
+
+    def test_a_pair_without_delay_is_left_alone(self) -> None:
+        arms, made = self.run_pair(0.0, joint_clamp(self.library, 1.0))
+        self.assertGreater(made, 0.98)
+        self.assertGreaterEqual(arms.least_joule, -1e-6)
+
+    def one_joint(self) -> JointClamp:
+        port = Port(viscous=0.1, coulomb=0.1, resolution=0.0, v_max=5.0, peak_effort=2.0)
+        clamp = JointClamp(self.library, [port], lease_s=0.002)
+        for k in range(100):  # 1 rad/s earns 0.2 mJ each
+            clamp.step([0.002 * k], [0.0], 0.002)
+        return clamp
+
+    def test_a_gap_costs_the_credit(self) -> None:
+        for elapsed_s, is_known, is_kept in ((0.002, True, True), (0.0021, True, False),
+                                             (0.002, False, False)):
+            clamp = self.one_joint()
+            clamp.step([0.2], [0.0], elapsed_s, is_known)
+            self.assertEqual(clamp.output.ledger_energy_joule > 1e-3, is_kept)
+
+    def test_numbers_that_are_none(self) -> None:
+        clamp = self.one_joint()
+        self.assertEqual(clamp.step([0.2], [float("nan")], 0.002), [0.0])
+        with self.assertRaises(ValueError):
+            clamp.step([float("nan")], [0.0], 0.002)
+        with self.assertRaises(ValueError):
+            JointClamp(self.library, [Port(v_max=0.0)])
+        with self.assertRaises(ValueError):
+            JointClamp(self.library, [Port(v_max=1.0)], lease_s=-1.0)
+        self.assertEqual(JOINTS, 7)
 
 
 if __name__ == "__main__":

@@ -130,6 +130,80 @@ PALPATE_API palpate_status palpate_controller_step(palpate_controller* controlle
  * set() or destroy(). */
 PALPATE_API const char* palpate_controller_error(const palpate_controller* controller);
 
+/* Mode guard for joints, a grip and axes of any units: for leader arms. Port i has a position and
+ * an effort on the hand, in rad and N*m or in m and N. Arrays have PALPATE_MOST_PORTS numbers;
+ * those beyond the last port are not read, and 0 in an answer. */
+
+/** More ports has no clamp. */
+#define PALPATE_MOST_PORTS 8
+
+/** One clamp for several ports; made by palpate_ports_create. */
+typedef struct palpate_ports palpate_ports;
+
+/** A joint, a grip or an axis. Friction and resolution are promises: the true friction is never
+ * less, a reading never further off. */
+typedef struct palpate_port {
+  double viscous;     /**< >= 0, friction, a lower bound [N*m*s/rad or N*s/m] */
+  double coulomb;     /**< >= 0, friction, a lower bound [N*m or N] */
+  double resolution;  /**< >= 0, of the position: readings are right to half of it [rad or m] */
+  double v_max;       /**< > 0: the hand is never faster [rad/s or m/s] */
+  double peak_effort; /**< >= 0, of the motor: cap and gate allow one hold of it [N*m or N] */
+  int priority;       /**< ports of the lowest are reduced first, those of one by one factor */
+} palpate_port;
+
+/** One effort on each port, and what the hand did while it acted. */
+typedef struct palpate_port_stretch {
+  double duration_s;                          /**< >= 0, measured */
+  double effort_on_hand[PALPATE_MOST_PORTS];  /**< that really acted, as the motors realised it */
+  double position_at_end[PALPATE_MOST_PORTS]; /**< measured; angles do not wrap */
+  int is_end_unknown;                         /**< not 0: the position at the end was not read */
+} palpate_port_stretch;
+
+/** One step of the clamp. Every number but the request must be finite. */
+typedef struct palpate_port_input {
+  double position[PALPATE_MOST_PORTS]; /**< measured now */
+  /** What acted since the previous step, in time order, without gaps, up to position; NULL where
+   * there is none. */
+  const palpate_port_stretch* applied;
+  size_t applied_count; /**< 0 in the first step; more than 64 count as has_gap */
+  int has_gap;          /**< not 0: it is not known what acted; credit is forfeited */
+  double acting_effort_on_hand[PALPATE_MOST_PORTS]; /**< acts now, until it is replaced */
+  double acting_lease_s; /**< it ends by itself after this time; <= 0: not known */
+  /** What the follower, or a program, wants rendered. One that is not finite counts as none on any
+   * port. */
+  double requested_effort_on_hand[PALPATE_MOST_PORTS];
+  int is_request_held;        /**< not 0: the same evaluation as in the last step */
+  double stored_energy_joule; /**< elastic energy that the request may give back; 0: not known */
+} palpate_port_input;
+
+/** What the clamp answers. */
+typedef struct palpate_port_output {
+  double effort_on_hand[PALPATE_MOST_PORTS]; /**< to apply from now on */
+  double
+      most_effort[PALPATE_MOST_PORTS]; /**< what all of the credit would cover on one port alone */
+  double ledger_energy_joule;          /**< credit of the hand */
+  double lease_s;                      /**< longest time for which the effort may act */
+  double begins_within_s;              /**< longest time from the reading until it begins to act */
+  int is_clamped;                      /**< 1: the effort differs from the request */
+  int is_too_fast;                     /**< 1: the hand moved faster than v_max on some port */
+} palpate_port_output;
+
+/** Makes a clamp; NULL where a number is out of its range, for no port or more than
+ * PALPATE_MOST_PORTS, or without memory. Settings are those of palpate_setting_name that guard
+ * has: lease_s, longest_lease_s, delta_max_s, credit_cap_joule, gate_joule, gate_recovery_s. */
+PALPATE_API palpate_ports* palpate_ports_create(const palpate_port* ports, size_t count);
+/** Frees a clamp. NULL is allowed. */
+PALPATE_API void palpate_ports_destroy(palpate_ports* ports);
+/** Changes a setting and begins anew, as palpate_controller_set. */
+PALPATE_API palpate_status palpate_ports_set(palpate_ports* ports, const char* setting,
+                                             double value);
+/** Back to the initial state, for a new session of the device. Allocates nothing. */
+PALPATE_API palpate_status palpate_ports_reset(palpate_ports* ports);
+/** The efforts for this step. If the status is not PALPATE_OK the output is all zeros, and what
+ * acts until the next step counts as not known. Allocates nothing, does not block. */
+PALPATE_API palpate_status palpate_ports_step(palpate_ports* ports, const palpate_port_input* input,
+                                              palpate_port_output* output);
+
 #ifdef __cplusplus
 }
 #endif

@@ -52,7 +52,7 @@ class InstalledExamples {
 TEST(Install, TheExamplesOfTheControllersAreAProjectOfTheirOwn) {
   InstalledExamples examples;
   ASSERT_NO_FATAL_FAILURE(examples.build("controllers", "controllers"));
-  examples.expect_tests(10);
+  examples.expect_tests(11);
 }
 
 // In C and C++, against the shared library that stands alone.
