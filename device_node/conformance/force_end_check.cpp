@@ -113,7 +113,7 @@ CheckOutcome check_ends_by_motion(DeviceBench& bench, std::initializer_list<Push
     const Vector3 force_newton = (i % 2 == 0 ? 1.0 : -1.0) * gentle_force_newton(bench);
     const auto ended = push(bench, force_newton, PushEnd::kZeroForce, kLasts);
     const auto longer = push(bench, force_newton, PushEnd::kZeroForce, kLonger);
-    if (!ended || !longer) return failed(kNoExchange);
+    if (!ended || !longer) return failed_exchange(kNoExchange);
     if (longer->shift_m.norm() < seen_m) {
       const double drift_m_per_s = longer->drift_m_per_s.norm();
       if (drift_m_per_s > kDrift_m_per_s) {
@@ -132,7 +132,7 @@ CheckOutcome check_ends_by_motion(DeviceBench& bench, std::initializer_list<Push
     }
     for (const PushEnd end : ends) {
       const auto tried = push(bench, force_newton, end, kLasts);
-      if (!tried) return failed(kNoExchange);
+      if (!tried) return failed_exchange(kNoExchange);
       const double share = (tried->shift_m.dot(along) - ended_m) / (longer_m - ended_m);
       late_s_of[end][i] = to_seconds(ended->lasted - tried->lasted) +
                           share * to_seconds(longer->lasted - ended->lasted);
