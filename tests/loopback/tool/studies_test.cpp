@@ -197,7 +197,11 @@ TEST_F(Studies, ASeriesGrowsNoFartherThanItsFieldAndSaysSo) {
 
 // What a report reads is left as it is: by name, by a link, and whatever --overwrite says.
 TEST_F(Studies, AReportDestroysNothingThatItReads) {
-  const std::string session = files_.write("own.txtpb", text_of(kSessions + "stiffer_side.txtpb"));
+  const std::string session = files_.write("own.txtpb", R"(
+    name: "study_own" hand { hold { position_m { z: 0.01 } } }
+    scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+    task { free {} time_s: 1 }
+  )");
   const std::string file = plan("session: \"own.txtpb\" seconds: 1 condition { name: \"a\" }");
   ASSERT_EQ(
       palpate({"study", file, "--folder", path("k"), "--participant", "1", "--loopback"}).status,
