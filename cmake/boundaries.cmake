@@ -104,7 +104,7 @@ set(PALPATE_BOUNDARIES
   "viewer_node/live:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,viewer_node/task,@log"
   "viewer_node/audience:common/*,viewer_node/live/channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
   "viewer_node/feed:common/core,common/core/user,common/session,common/telemetry"
-  "viewer_node/recording/html:"
+  "viewer_node/recording/html:common/core/user"
   "viewer_node/recording:common/*,viewer_node/feed,viewer_node/recording/html,@log,@threads"
   "viewer_node/task:common/*,viewer_node/feed,viewer_node/recording,viewer_node/recording/html,@log"
   "viewer_node/server:common/core,common/core/user,@threads"

@@ -299,7 +299,7 @@ void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
   depths_.add(depth_m(*foot_, sample.tip_m));
   const bool is_elsewhere_now = !((foot_->point_m - searched_m_).norm() < kSameFoot_m);
   if (sample.newton >= palpation()->least_force_newton && is_elsewhere_now) {
-    surface_->search(foot_->point_m);
+    surface_->search(foot_->point_m, foot_->normal);
     searched_m_ = foot_->point_m;
   }
   bool is_over = false;

@@ -6,67 +6,70 @@
 #include <limits>
 #include <variant>
 
+#include "common/contact/facet.h"
+
 namespace palpate {
 namespace {
 
-using Corners = std::array<Vector3, 3>;
-
 constexpr double kPointsPerRadius = 24.0;
 constexpr double kPointsAcross = 100.0;  // of a square as large as the area: its rim costs 0.1 %
-constexpr double kPiecesAcross = 16.0;
+constexpr double kLargest = 1.5;         // area of a piece, in squares of the spacing: 1 on average
+constexpr double kLongest = 3.0;         // edge of a piece, in spacings
 constexpr double kMostAcrossCell = 32.0;  // points
-constexpr double kPointsOutside = 6.0;    // of the area: only to know where a tip is
-constexpr std::size_t kMostOutside = 100'000;
-// Of points at random, one in each piece, one within 3 spacings is nearer to any place beyond 2.
-constexpr double kNeighbourSpacings = 3.0;
-constexpr double kSameSide = 0.5;      // cosine between the normals
-constexpr double kAroundEdge = -0.5;   // likewise, to a side that the tip is outside of
-constexpr double kFarthestCell = 1e9;  // differences fit 32 bits
+constexpr double kFinest_m = 1e-6;        // an area that only touches the surface has no points
+constexpr double kSameSide = 0.5;         // cosine between the normals
+constexpr double kAroundEdge = -0.5;      // likewise, to a side that the tip is outside of
+constexpr double kFacing = -0.5;          // likewise, of what a press searches
+constexpr double kFarthestCell = 1e9;     // differences fit 32 bits
+constexpr double kSamePlace_m = 1e-9;     // far below what vertices in 32 bits tell
+constexpr double kJoint_m = 1e-6;         // triangles so near to each other are joined
 
 double area_of(const Corners& triangle) {
   return 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
 }
 
-/// Calls visit(piece) for equal parts of a triangle, each of at most the square of the spacing.
-template <class Visit>
-void for_pieces(const Corners& corners, double spacing_m, const Visit& visit) {
-  const auto parts = static_cast<int>(std::ceil(std::sqrt(area_of(corners)) / spacing_m));
-  const auto at = [&](int i, int j) -> Vector3 {
-    return corners[0] + (i * (corners[1] - corners[0]) + j * (corners[2] - corners[0])) / parts;
-  };
-  for (int i = 0; i < parts; ++i) {
-    for (int j = 0; i + j < parts; ++j) {
-      visit(Corners{at(i, j), at(i + 1, j), at(i, j + 1)});
-      if (i + j + 1 < parts) visit(Corners{at(i + 1, j + 1), at(i, j + 1), at(i + 1, j)});
-    }
+/// From a place to the part of space; infinite of a MeshTag.
+struct DistanceTo {
+  const Vector3& place_m;
+  double operator()(const HalfSpaceGeometry& h) const {
+    return std::max(0.0, h.normal.dot(place_m - h.point_m));
   }
-}
+  double operator()(const SphereGeometry& s) const {
+    return std::max(0.0, (place_m - s.center_m).norm() - s.radius_m);
+  }
+  double operator()(const BoxGeometry& b) const {
+    return ((place_m - b.center_m).cwiseAbs() - 0.5 * b.size_m).cwiseMax(0.0).norm();
+  }
+  double operator()(const MeshTag& /*tag*/) const {
+    return std::numeric_limits<double>::infinity();
+  }
+};
 
-/// Of a small piece: whether some of it is to be searched.
-bool is_near(const std::optional<RegionGeometry>& area, const Corners& piece) {
+/// False: no place of the piece is in the area.
+bool may_meet(const std::optional<RegionGeometry>& area, const Corners& piece) {
   if (!area) return true;
   const Vector3 middle = (piece[0] + piece[1] + piece[2]) / 3.0;
-  return contains(*area, middle) || contains(*area, piece[0]) || contains(*area, piece[1]) ||
-         contains(*area, piece[2]);
+  double reach2 = 0.0;
+  for (const Vector3& corner : piece) reach2 = std::max(reach2, (corner - middle).squaredNorm());
+  return std::visit(DistanceTo{middle}, *area) <= std::sqrt(reach2);
 }
 
-double near_area(const std::vector<Corners>& triangles, double spacing_m,
-                 const std::optional<RegionGeometry>& area) {
-  double near_m2 = 0.0;
-  for (const Corners& triangle : triangles) {
-    for_pieces(triangle, spacing_m, [&](const Corners& piece) {
-      if (is_near(area, piece)) near_m2 += area_of(piece);
-    });
+/// Calls visit(piece) for the pieces of a triangle that may have a part of the area, each of at
+/// most the square of the spacing.
+template <class Visit>
+void for_pieces(const Corners& triangle, double spacing_m,
+                const std::optional<RegionGeometry>& area, const Visit& visit) {
+  if (!may_meet(area, triangle)) return;
+  const auto [edge, squared] = longest_edge(triangle);
+  const double most_m = kLongest * spacing_m;
+  if (area_of(triangle) <= kLargest * spacing_m * spacing_m && squared <= most_m * most_m) {
+    visit(triangle);
+    return;
   }
-  return near_m2;
+  for (const Corners& half : halves(triangle, edge)) for_pieces(half, spacing_m, area, visit);
 }
 
 constexpr double kNowhere_m = 1e9;
-
-bool is_nowhere(const RegionGeometry& area) {
-  const auto* sphere = std::get_if<SphereGeometry>(&area);
-  return sphere != nullptr && sphere->center_m.x() == kNowhere_m;
-}
 
 /// Uniform in [0, 1), always the same for the same number [splitmix64].
 double uniform(std::uint64_t number) {
@@ -81,46 +84,47 @@ double uniform(std::uint64_t number) {
 SearchedSurface::SearchedSurface(const SurfaceMesh& mesh, const std::optional<RegionGeometry>& area,
                                  double radius_m)
     : radius_m_(radius_m), cell_m_(radius_m) {
-  std::vector<Corners> triangles;
   double whole_m2 = 0.0;
   for (std::size_t i = 0; i + 2 < mesh.triangles.size(); i += 3) {
     const Corners corners{mesh.vertex_m(mesh.triangles[i]), mesh.vertex_m(mesh.triangles[i + 1]),
                           mesh.vertex_m(mesh.triangles[i + 2])};
     const Vector3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     if (!(normal.norm() > 0.0)) continue;
-    triangles.push_back(corners);
+    triangles_.push_back(corners);
     normals_.push_back(normal.normalized());
     whole_m2 += 0.5 * normal.norm();
   }
-  coarse_m_ = coarse_spacing(triangles, whole_m2, area);
-  const double near_m2 = near_area(triangles, coarse_m_, area);
-  spacing_m_ = std::min(radius_m / kPointsPerRadius,
-                        near_m2 > 0.0 ? std::sqrt(near_m2) / kPointsAcross : coarse_m_);
-  spacing_m_ = std::max(spacing_m_, std::sqrt(near_m2 / static_cast<double>(kMostPoints)));
-  slide_m_ = kNeighbourSpacings * (area ? coarse_m_ : spacing_m_);
+  grid_ = TriangleGrid(triangles_);
+  spacing_m_ = spacing_of(area, whole_m2);
   cell_m_ = std::clamp(radius_m, 3.0 * spacing_m_, kMostAcrossCell * spacing_m_);
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    for_pieces(triangles[i], coarse_m_, [&](const Corners& piece) {
-      const double spacing_m = is_near(area, piece) ? spacing_m_ : coarse_m_;
-      for_pieces(piece, spacing_m,
-                 [&](const Corners& one) { sample(static_cast<std::uint32_t>(i), one, area); });
-    });
+  for (std::size_t i = 0; i < triangles_.size(); ++i) {
+    for_pieces(triangles_[i], spacing_m_, area,
+               [&](const Corners& piece) { sample(static_cast<std::uint32_t>(i), piece, area); });
   }
   sort_into_cells();
 }
 
-/// Of the points outside the area, and of the pieces that are told to be in it or not.
-double SearchedSurface::coarse_spacing(const std::vector<Corners>& triangles, double whole_m2,
-                                       const std::optional<RegionGeometry>& area) const {
-  const double least_m = std::sqrt(whole_m2 / static_cast<double>(kMostOutside));
-  const double most_m = std::max(radius_m_ / kPointsOutside, least_m);
-  if (!area || is_nowhere(*area)) return most_m;
-  // a small area may lie between the corners of large pieces
-  for (double coarse_m = most_m; coarse_m > least_m; coarse_m *= 0.5) {
-    const double near_m2 = near_area(triangles, coarse_m, area);
-    if (coarse_m <= std::sqrt(near_m2) / kPiecesAcross) return coarse_m;
+/// The pieces that may have a part of the area are more than the area, the less the smaller they
+/// are: divided until they are small enough for what they are.
+double SearchedSurface::spacing_of(const std::optional<RegionGeometry>& area,
+                                   double whole_m2) const {
+  const double finest_m = radius_m_ / kPointsPerRadius;
+  const auto least_m = [](double area_m2) {
+    return std::sqrt(area_m2 / static_cast<double>(kMostPoints));
+  };
+  double spacing_m = std::max(finest_m, least_m(whole_m2));
+  for (;;) {
+    double near_m2 = area ? 0.0 : whole_m2;
+    for (std::size_t i = 0; area && i < triangles_.size(); ++i) {
+      for_pieces(triangles_[i], spacing_m, area,
+                 [&](const Corners& piece) { near_m2 += area_of(piece); });
+    }
+    if (!(near_m2 > 0.0)) return spacing_m;
+    const double wanted_m = std::max(
+        {std::min(finest_m, std::sqrt(near_m2) / kPointsAcross), least_m(near_m2), kFinest_m});
+    if (spacing_m <= wanted_m) return spacing_m;
+    spacing_m = area ? std::max(wanted_m, 0.5 * spacing_m) : wanted_m;
   }
-  return near_area(triangles, least_m, area) > 0.0 ? least_m : most_m;
 }
 
 SearchedSurface SearchedSurface::of_no_area(const SurfaceMesh& mesh, double radius_m) {
@@ -130,7 +134,7 @@ SearchedSurface SearchedSurface::of_no_area(const SurfaceMesh& mesh, double radi
 
 void SearchedSurface::sample(std::uint32_t triangle, const Corners& piece,
                              const std::optional<RegionGeometry>& area) {
-  const std::uint64_t number = 2 * points_.size();
+  const std::uint64_t number = 2 * drawn_++;
   double a = uniform(number);
   double b = uniform(number + 1);
   if (a + b > 1.0) {
@@ -138,7 +142,8 @@ void SearchedSurface::sample(std::uint32_t triangle, const Corners& piece,
     b = 1.0 - b;
   }
   const Vector3 place_m = piece[0] + a * (piece[1] - piece[0]) + b * (piece[2] - piece[0]);
-  const double piece_m2 = !area || contains(*area, place_m) ? area_of(piece) : 0.0;
+  if (area && !contains(*area, place_m)) return;
+  const double piece_m2 = area_of(piece);
   points_.push_back({.place_m = place_m.cast<float>(),
                      .triangle = triangle,
                      .area_m2 = static_cast<float>(piece_m2),
@@ -202,97 +207,76 @@ void SearchedSurface::for_shell(const Cell& middle, std::int32_t distance,
 
 std::optional<SearchedSurface::Foot> SearchedSurface::foot_of(const Vector3& place_m,
                                                               double within_m) const {
-  const Cell middle = cell_of(place_m);
-  double least2 = within_m * within_m;
-  const Point* nearest = nullptr;
-  for (std::int32_t shell = 0; (shell - 1) * cell_m_ <= std::sqrt(least2); ++shell) {
-    for_shell(middle, shell, [&](std::uint32_t i) {
-      const Point& point = points_[i];
-      const double distance2 = (point.place_m.cast<double>() - place_m).squaredNorm();
-      if (distance2 > least2) return;
-      least2 = distance2;
-      nearest = &point;
-    });
-  }
-  if (nearest == nullptr) return std::nullopt;
-  return foot_at(static_cast<std::uint32_t>(nearest - points_.data()), place_m);
-}
-
-SearchedSurface::Foot SearchedSurface::foot_at(std::uint32_t nearest,
-                                               const Vector3& place_m) const {
-  const Point& point = points_[nearest];
-  const Vector3 point_m = point.place_m.cast<double>();
-  const Vector3& normal = normals_[point.triangle];
-  const Vector3 foot_m = place_m - normal.dot(place_m - point_m) * normal;
-  // beside an edge the plane of the nearest point goes on where the surface does not
-  const double spacing_m = point.area_m2 > 0.0F ? spacing_m_ : coarse_m_;
-  const bool is_beside = (foot_m - point_m).norm() > 2.0 * spacing_m;
-  return Foot{.point_m = is_beside ? point_m : foot_m, .normal = normal, .nearest = nearest};
+  std::optional<Foot> best;
+  double least_m = within_m;
+  double front_m = 0.0;
+  grid_.for_nearest(place_m, within_m, [&](std::uint32_t i) {
+    const Corners& triangle = triangles_[i];
+    const FacetFoot foot = foot_on_facet(triangle[0], triangle[1], triangle[2], place_m);
+    const double distance_m = std::sqrt(foot.squared_distance);
+    // of triangles that meet at an edge it is on the side of the one that it is in front of
+    const double in_front_m = normals_[i].dot(place_m - foot.point_m);
+    const bool is_nearer = distance_m < least_m - kSamePlace_m;
+    const bool is_as_near = distance_m <= least_m + kSamePlace_m;
+    if (is_nearer || (is_as_near && (!best || in_front_m > front_m))) {
+      best = Foot{.point_m = foot.point_m, .normal = normals_[i], .triangle = i};
+      front_m = in_front_m;
+    }
+    least_m = std::min(least_m, distance_m);
+    return least_m;
+  });
+  return best;
 }
 
 SearchedSurface::Foot SearchedSurface::followed(const Foot& last, const Vector3& place_m) const {
-  std::uint32_t at = last.nearest;
-  for (;;) {
-    const std::uint32_t next = nearer_neighbour(at, place_m);
-    if (next == at) return foot_at(at, place_m);
-    at = next;
-  }
-}
-
-/// Of the points near one that the foot may slide to that which is nearest to the place.
-std::uint32_t SearchedSurface::nearer_neighbour(std::uint32_t at, const Vector3& place_m) const {
-  const Vector3 from_m = points_[at].place_m.cast<double>();
-  const Vector3& normal = normals_[points_[at].triangle];
-  double least2 = (from_m - place_m).squaredNorm();
-  const Cell first = cell_of(from_m - Vector3::Constant(slide_m_));
-  const Cell last = cell_of(from_m + Vector3::Constant(slide_m_));
-  const auto visit = [&](std::uint32_t i) {
-    const Vector3 point_m = points_[i].place_m.cast<double>();
-    const double distance2 = (point_m - place_m).squaredNorm();
-    if (!(distance2 < least2) || (point_m - from_m).squaredNorm() > slide_m_ * slide_m_) return;
-    const Vector3& other = normals_[points_[i].triangle];
-    const double agreement = normal.dot(other);
-    const bool is_outside = other.dot(place_m - point_m) >= 0.0;
-    if (agreement < (is_outside ? kAroundEdge : kSameSide)) return;
-    least2 = distance2;
-    at = i;
+  const auto on = [&](std::uint32_t triangle, const Vector3& point_m) {
+    const Corners& corners = triangles_[triangle];
+    return foot_on_facet(corners[0], corners[1], corners[2], point_m);
   };
-  for (std::int32_t x = first[0]; x <= last[0]; ++x) {
-    for (std::int32_t y = first[1]; y <= last[1]; ++y) {
-      for (std::int32_t z = first[2]; z <= last[2]; ++z) {
-        const auto cell = cells_.find({x, y, z});
-        if (cell == cells_.end()) continue;
-        for (std::uint32_t i = cell->second.first; i < cell->second.second; ++i) visit(i);
-      }
-    }
+  Foot at = last;
+  FacetFoot foot = on(at.triangle, place_m);
+  for (;;) {
+    at.point_m = foot.point_m;
+    double least_m = std::sqrt(foot.squared_distance) - kSamePlace_m;
+    std::optional<std::uint32_t> next;
+    grid_.for_near(at.point_m, kJoint_m, [&](std::uint32_t i) {
+      const FacetFoot other = on(i, place_m);
+      const double distance_m = std::sqrt(other.squared_distance);
+      if (!(distance_m < least_m)) return;
+      const bool is_outside = normals_[i].dot(place_m - other.point_m) >= 0.0;
+      if (at.normal.dot(normals_[i]) < (is_outside ? kAroundEdge : kSameSide)) return;
+      if (on(i, at.point_m).squared_distance > kJoint_m * kJoint_m) return;
+      least_m = distance_m;
+      next = i;
+    });
+    if (!next) return at;
+    foot = on(*next, place_m);
+    at.triangle = *next;
+    at.normal = normals_[*next];
   }
-  return at;
 }
 
 TaskMap SearchedSurface::map(std::size_t most) const {
-  const auto in_area = [](const Point& point) { return point.area_m2 > 0.0F; };
-  const auto count =
-      static_cast<std::size_t>(std::count_if(points_.begin(), points_.end(), in_area));
-  const std::size_t step = std::max<std::size_t>(1, (count + most - 1) / most);
+  const std::size_t step = std::max<std::size_t>(1, (points_.size() + most - 1) / most);
   TaskMap map;
-  std::size_t number = 0;
-  for (const Point& point : points_) {
-    if (!in_area(point) || number++ % step != 0) continue;
+  for (std::size_t i = 0; i < points_.size(); i += step) {
+    const Point& point = points_[i];
     map.places_m.push_back({point.place_m.x(), point.place_m.y(), point.place_m.z()});
     map.is_searched.push_back(point.is_searched ? 1 : 0);
   }
   return map;
 }
 
-void SearchedSurface::search(const Vector3& place_m) {
+void SearchedSurface::search(const Vector3& place_m, const Vector3& normal) {
   const Cell middle = cell_of(place_m);
   const auto last = static_cast<std::int32_t>(std::ceil(radius_m_ / cell_m_));
   for (std::int32_t shell = 0; shell <= last; ++shell) {
     for_shell(middle, shell, [&](std::uint32_t i) {
       Point& point = points_[i];
-      if (point.is_searched || point.area_m2 == 0.0F) return;
+      if (point.is_searched) return;
       const Vector3 at_m = point.place_m.cast<double>();
       if ((at_m - place_m).squaredNorm() > radius_m_ * radius_m_) return;
+      if (normals_[point.triangle].dot(normal) < kFacing) return;
       point.is_searched = true;
       searched_m2_ += static_cast<double>(point.area_m2);
     });

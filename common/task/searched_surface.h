@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// searched_surface.h — the surface of a tissue at rest as points that each stand for a small area:
-// which of it a hand has searched, and where on it a tip is.
+// searched_surface.h — the surface of a tissue at rest: where on it a tip is, by its triangles, and
+// which of it a hand has searched, by points that each stand for a small area.
 #pragma once
 
 #include <array>
@@ -15,6 +15,7 @@
 #include "common/core/scene_messages.h"
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
+#include "common/task/triangle_grid.h"
 #include "common/telemetry/run_messages.h"
 
 namespace palpate {
@@ -25,10 +26,11 @@ class SearchedSurface {
   static constexpr std::size_t kMostPoints = 600'000;
 
   /// One point in each piece of the triangles, at a place of the piece that is random and always
-  /// the same: no direction of a path is favoured. They are a 24th of `radius_m` apart, a 100th of
-  /// the root of the area if that is less, more where that would be more points than kMostPoints,
-  /// and fewer outside the area.
-  /// @param mesh      with triangles; without, the surface has no points
+  /// the same: no direction of a path is favoured. Pieces that may have a part of the area are
+  /// divided until they are a 24th of `radius_m` across, a 100th of the root of the area if that is
+  /// less, more where that would be more points than kMostPoints. So a narrow or small area has as
+  /// many points as a large one.
+  /// @param mesh      with triangles; without, the surface is empty
   /// @param area      what is to be searched; never a MeshTag; none: all
   /// @param radius_m  of a press, > 0
   SearchedSurface(const SurfaceMesh& mesh, const std::optional<RegionGeometry>& area,
@@ -37,24 +39,27 @@ class SearchedSurface {
   /// Nothing is to be searched: it tells where a tip is.
   [[nodiscard]] static SearchedSurface of_no_area(const SurfaceMesh& mesh, double radius_m);
 
-  [[nodiscard]] bool empty() const { return points_.empty(); }
+  [[nodiscard]] bool empty() const { return triangles_.empty(); }
 
   /// A place on the surface.
   struct Foot {
     Vector3 point_m = Vector3::Zero();
-    Vector3 normal = Vector3::UnitZ();  ///< out of the tissue
-    std::uint32_t nearest = 0;          ///< of the sampled points
+    Vector3 normal = Vector3::UnitZ();  ///< of its triangle, out of the tissue
+    std::uint32_t triangle = 0;
   };
-  /// The foot of the perpendicular from there on the surface: nearest, within `within_m`.
+  /// The nearest place on the surface, within `within_m`; on an edge it is of the triangle that the
+  /// place is most in front of.
   [[nodiscard]] std::optional<Foot> foot_of(const Vector3& place_m, double within_m) const;
   /// Where the foot of a tip that stays in touch is now: it slides on the surface to where that is
-  /// nearest, from place to place, and passes around an edge only to a side that the tip is outside
-  /// of. So it does not jump through thin tissue, nor to a side wall that is nearer.
+  /// nearest, from triangle to triangle, and passes around an edge only to a side that the tip is
+  /// outside of. So it does not jump through thin tissue, nor to a side wall that is nearer.
   /// @param last  of this surface
   [[nodiscard]] Foot followed(const Foot& last, const Vector3& place_m) const;
 
-  /// Everything within `radius_m` of the place is searched.
-  void search(const Vector3& place_m);
+  /// Everything within `radius_m` of the place is searched that faces as it does, or is turned away
+  /// by at most 120°: not the other side of thin tissue, nor that of a fold.
+  /// @param normal  of the surface there
+  void search(const Vector3& place_m, const Vector3& normal);
 
   /// Share of the area that is searched; NaN: nothing is to be searched.
   [[nodiscard]] double searched_ratio() const {
@@ -69,7 +74,7 @@ class SearchedSurface {
   struct Point {
     Eigen::Vector3f place_m;
     std::uint32_t triangle;
-    float area_m2;  // 0: not to be searched
+    float area_m2;
     bool is_searched;
   };
   using Cell = std::array<std::int32_t, 3>;
@@ -80,28 +85,25 @@ class SearchedSurface {
              static_cast<std::size_t>(cell[2]) * 83492791U;
     }
   };
-  void sample(std::uint32_t triangle, const std::array<Vector3, 3>& piece,
+  [[nodiscard]] double spacing_of(const std::optional<RegionGeometry>& area, double whole_m2) const;
+  void sample(std::uint32_t triangle, const Corners& piece,
               const std::optional<RegionGeometry>& area);
   void sort_into_cells();
   [[nodiscard]] Cell cell_of(const Vector3& place_m) const;
-  [[nodiscard]] double coarse_spacing(const std::vector<std::array<Vector3, 3>>& triangles,
-                                      double whole_m2,
-                                      const std::optional<RegionGeometry>& area) const;
-  [[nodiscard]] Foot foot_at(std::uint32_t nearest, const Vector3& place_m) const;
-  [[nodiscard]] std::uint32_t nearer_neighbour(std::uint32_t at, const Vector3& place_m) const;
   /// Calls visit(index of a point) for the points of the cells at this distance from the cell.
   template <class Visit>
   void for_shell(const Cell& middle, std::int32_t distance, const Visit& visit) const;
 
   double radius_m_;
-  double spacing_m_ = 0.0;  // of points of the area
-  double coarse_m_ = 0.0;   // of the others
-  double slide_m_ = 0.0;    // of a foot, from one point to the next
+  double spacing_m_ = 0.0;  // of the points
   double cell_m_;
   double area_m2_ = 0.0;
   double searched_m2_ = 0.0;
-  std::vector<Point> points_;
+  std::vector<Point> points_;  // of the area
+  std::uint64_t drawn_ = 0;    // pieces
+  std::vector<Corners> triangles_;
   std::vector<Vector3> normals_;  // of the triangles
+  TriangleGrid grid_;             // of the triangles
   std::unordered_map<Cell, std::pair<std::uint32_t, std::uint32_t>, CellHash> cells_;
   static constexpr std::int32_t kFarCell = 1'000'000'000;
   Cell first_cell_{kFarCell, kFarCell, kFarCell};  // that has points

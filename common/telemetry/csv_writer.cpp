@@ -56,13 +56,21 @@ class RowText {
   char* end_ = text_.data();
 };
 
+bool is_number(const std::string& text) {
+  double value = 0.0;
+  const char* const begin = text.data() + (text.starts_with('+') ? 1 : 0);
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(begin, end, value);
+  return error == std::errc() && rest == end;
+}
+
 bool has_force_of_physics(const MofcTick& mofc) {
   return mofc.state != MofcState::kNoPhysics && mofc.state != MofcState::kClutched;
 }
 
 }  // namespace
 
-std::string csv_cell(const std::string& any_text) {
+std::string csv_text(const std::string& any_text) {
   // readers of CSV take UTF-8; names of files may be anything
   std::string text;
   for (std::size_t at = 0; at < any_text.size();) {
@@ -70,6 +78,12 @@ std::string csv_cell(const std::string& any_text) {
     text += length == 0 ? "\xEF\xBF\xBD" : any_text.substr(at, length);
     at += std::max<std::size_t>(1, length);
   }
+  const bool is_formula = text.find_first_of("=+-@\t\r") == 0 && !is_number(text);
+  return is_formula ? "'" + text : text;
+}
+
+std::string csv_cell(const std::string& any_text) {
+  const std::string text = csv_text(any_text);
   if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
   std::string cell(1, '"');
   for (const char c : text) {

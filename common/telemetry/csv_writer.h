@@ -15,7 +15,11 @@ namespace palpate {
 /// "run.csv"; for a side "run.left.csv". Throws SetupError for a side and standard output.
 [[nodiscard]] std::string csv_file_of(const std::string& file, const std::string& side);
 
-/// A text as a cell of CSV: quoted where it has a comma, a quote or a line break.
+/// A text as readers of a table get it: what is not UTF-8 replaced, and with an apostrophe before
+/// it where a spreadsheet would take it for a formula: it begins with = + - @ and is no number.
+[[nodiscard]] std::string csv_text(const std::string& text);
+
+/// csv_text() as a cell of CSV: quoted where it has a comma, a quote or a line break.
 [[nodiscard]] std::string csv_cell(const std::string& text);
 
 /// Columns, in this order; SI units, forces on the hand, nan where a value is unknown:

@@ -34,7 +34,7 @@ class Errors final : public pb::io::ErrorCollector {
 
 CheckedText::CheckedText(const std::filesystem::path& file, const char* what, pb::Message& written,
                          Problems& problems)
-    : problems_(problems) {
+    : file_(file.string()), problems_(problems) {
   const FileContent content = read_text_file(file, kMostBytes);
   if (!content.complaint.empty()) {
     throw SetupError(std::string(what) + " " + one_line(file.string()) + ": " + content.complaint);
@@ -104,14 +104,24 @@ void CheckedText::check_number(const pb::Message& message, const pb::FieldDescri
 }
 
 void CheckedText::problem(const std::string& at, const std::string& rule) const {
-  // a field that is missing belongs where its message is
+  problems_.add(place_of(at), at + ": " + rule);
+}
+
+std::string CheckedText::where(const std::string& at) const {
+  const Place place = place_of(at);
+  const std::string position =
+      place.line > 0 ? fmt::format(":{}:{}", place.line, place.column) : "";
+  return one_line(file_ + position) + ": " + at;
+}
+
+Place CheckedText::place_of(const std::string& at) const {
   std::string above = at;
   while (!places_.contains(above) && !above.empty()) {
     const std::size_t dot = above.rfind('.');
     above.resize(dot == std::string::npos ? 0 : dot);
   }
   const auto place = places_.find(above);
-  problems_.add(place == places_.end() ? Place{.line = 0} : place->second, at + ": " + rule);
+  return place == places_.end() ? Place{.line = 0} : place->second;
 }
 
 }  // namespace palpate::campaign

@@ -24,6 +24,8 @@ class CheckedText {
 
   /// @param at  path of a field: "vary[1].values"
   void problem(const std::string& at, const std::string& rule) const;
+  /// "plan.txtpb:12:3: staircase.field": where a field is, or the message that lacks it.
+  [[nodiscard]] std::string where(const std::string& at) const;
   /// Whether a name is 1 … 64 letters, digits, '_' and '-'; else it is a problem. An empty one is
   /// one already.
   void check_name(const std::string& name) const;
@@ -35,6 +37,10 @@ class CheckedText {
   void check_number(const google::protobuf::Message& message,
                     const google::protobuf::FieldDescriptor& field, const std::string& at) const;
 
+  /// Of the field, or of the message that lacks it.
+  [[nodiscard]] Place place_of(const std::string& at) const;
+
+  std::string file_;
   Problems& problems_;
   std::map<std::string, Place> places_;
 };

@@ -130,9 +130,10 @@ class StoppableBench final : public OpenedDevice {
       throw ChecksStopped{fmt::format(
           ": the arm is {:.0f} mm from where they began, pushed or moved by hand (a push ends "
           "after 1 mm, and an arm with little friction coasts on; motors that push one way "
-          "whatever the sign carry it off): give a smaller device.peak_force_newton, or pad its "
-          "end stops",
-          1e3 * travel_->travel_m())};
+          "whatever the sign carry it off): give a smaller device.peak_force_newton than the "
+          "{:.2g} "
+          "N of these pushes, or pad its end stops",
+          1e3 * travel_->travel_m(), limit_newton_)};
     }
     OpenedDevice::pass(time);
   }
@@ -237,7 +238,9 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
     findings.push_back({.check = check.name,
                         .is_good = is_good,
                         .text = outcome.text,
-                        .remedy = is_good || !is_checked ? "" : check.remedy,
+                        .remedy = is_good || !is_checked   ? ""
+                                  : outcome.remedy.empty() ? check.remedy
+                                                           : outcome.remedy,
                         .is_checked = is_checked});
     if (options.on_finding) options.on_finding(findings.back());
   }

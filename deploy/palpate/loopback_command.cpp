@@ -129,7 +129,12 @@ struct LoopbackCommand {
     options.lockstep.on_physics_tick = warn_of_start;
     FaultFileWriter faults(loaded.side().device.rate_hz);
     if (!post_mortem_file.empty()) {
-      check_outputs({{"--post-mortem", post_mortem_file}}, {}, output.may_overwrite);
+      std::vector<std::string> inputs = files_of(loaded);
+      inputs.push_back(hand_file);
+      check_outputs({{"--post-mortem", post_mortem_file},
+                     {"--json", output.json_file},
+                     {"--record", output.record_file}},
+                    inputs, output.may_overwrite);
       faults.listen_to(options.lockstep);
     }
     std::vector<std::string> lost;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/task/score.h"
+#include "deploy/study/key.h"
 #include "deploy/study/order.h"
 #include "deploy/study/plan.h"
 #include "deploy/study/staircase.h"
@@ -41,23 +42,28 @@ class Folder {
   /// Of the trials that are done, in order.
   [[nodiscard]] std::vector<TrialRow> rows(std::uint64_t participant) const;
   [[nodiscard]] bool is_simulated() const { return is_simulated_; }
-  /// Of each condition of the plan, as the key has it: "A", "B", …
-  [[nodiscard]] const std::vector<std::string>& codes() const { return codes_; }
+  [[nodiscard]] const Key& key() const { return key_; }
   /// Who has done at least one trial, of people or of the simulated.
   [[nodiscard]] std::vector<std::uint64_t> participants() const;
+
+  /// The files of the folder, and those of its trials.
+  [[nodiscard]] std::vector<std::string> files() const;
 
   /// Of row files.
   [[nodiscard]] static std::string header();
 
  private:
   void create() const;
+  [[nodiscard]] std::string cells_before_answer(const Trial& trial) const;
+  [[nodiscard]] TrialRow row_in(const std::filesystem::path& file,
+                                const std::optional<Trial>& trial) const;
   [[nodiscard]] std::filesystem::path trial_folder(std::uint64_t participant,
                                                    std::uint64_t number) const;
 
   std::filesystem::path path_;
   const Plan& plan_;
   bool is_simulated_;
-  std::vector<std::string> codes_;
+  Key key_;
 };
 
 /// Nobody else does the trials of the participant meanwhile. Throws SetupError if somebody does.
@@ -76,7 +82,8 @@ class ParticipantLock {
 class Series {
  public:
   /// @param plan  must outlive it
-  Series(const Plan& plan, std::uint64_t participant);
+  /// @param square  of the key of the folder
+  Series(const Plan& plan, const std::vector<std::size_t>& square, std::uint64_t participant);
 
   /// None: all is done.
   [[nodiscard]] std::optional<Trial> next() const;

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/study/key.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <sys/random.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cstdint>
+#include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -19,7 +23,7 @@ namespace palpate::study {
 namespace {
 
 constexpr std::uintmax_t kMostKeyBytes = 1'000'000;
-constexpr const char* kHeader = "code,condition\n";
+constexpr const char* kHeader = "code,condition,place\n";
 
 /// In [0, n), each as likely. @pre  1 ≤ n ≤ 256
 std::size_t drawn_below(std::size_t n) {
@@ -39,6 +43,27 @@ std::vector<std::string> letters(std::size_t count) {
   std::vector<std::string> all;
   for (std::size_t i = 0; i < count; ++i) all.emplace_back(1, static_cast<char>('A' + i));
   return all;
+}
+
+/// As in the plan.
+std::vector<std::size_t> plan_order(std::size_t count) {
+  std::vector<std::size_t> order(count);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  return order;
+}
+
+/// Each order as likely [Fisher and Yates].
+template <class T>
+void shuffle(std::vector<T>& all) {
+  for (std::size_t i = all.size(); i > 1; --i) std::swap(all[i - 1], all[drawn_below(i)]);
+}
+
+std::optional<std::size_t> number_in(const std::string& text) {
+  std::size_t number = 0;
+  const auto end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, number);
+  if (error != std::errc() || rest != end) return std::nullopt;
+  return number;
 }
 
 /// Rows of cells; a cell in quotes may have commas, lines and doubled quotes.
@@ -68,56 +93,82 @@ std::vector<std::vector<std::string>> rows_of(const std::string& text) {
 
 }  // namespace
 
-std::vector<std::string> dealt_codes(std::size_t conditions) {
-  std::vector<std::string> codes = letters(conditions);
-  for (std::size_t i = codes.size(); i > 1; --i) std::swap(codes[i - 1], codes[drawn_below(i)]);
-  return codes;
+Key dealt_key(std::size_t conditions) {
+  Key key{.codes = letters(conditions), .square = plan_order(conditions)};
+  shuffle(key.codes);
+  shuffle(key.square);
+  return key;
 }
 
-std::string key_text(const Plan& plan, const std::vector<std::string>& codes) {
-  std::string text = kHeader;
-  for (std::size_t i = 0; i < codes.size(); ++i) {
-    text += codes[i] + "," + csv_cell(plan.conditions[i].name) + "\n";
+std::string key_text(const Plan& plan, const Key& key) {
+  std::vector<std::string> lines;
+  for (std::size_t place = 0; place < key.square.size(); ++place) {
+    const std::size_t condition = key.square[place];
+    lines.push_back(fmt::format("{},{},{}\n", key.codes[condition],
+                                csv_cell(plan.conditions[condition].name), place + 1));
   }
+  std::sort(lines.begin(), lines.end());
+  std::string text = kHeader;
+  for (const std::string& line : lines) text += line;
   return text;
 }
 
-std::vector<std::string> codes_in(const std::filesystem::path& key, const Plan& plan) {
+Key key_in(const std::filesystem::path& file, const Plan& plan) {
   const auto refuse = [&](const std::string& what) {
-    throw SetupError(key.string() + ": " + what +
+    throw SetupError(file.string() + ": " + what +
                      "; put back the key that was made with this folder, or give another folder "
                      "with --folder");
   };
-  const FileContent content = read_text_file(key, kMostKeyBytes);
+  const FileContent content = read_text_file(file, kMostKeyBytes);
   if (!content.complaint.empty()) refuse(content.complaint);
   auto rows = rows_of(content.bytes);
-  const std::vector<std::string> header{"code", "condition"};
-  if (rows.empty() || rows.front() != header) refuse("does not begin with code,condition");
+  const std::vector<std::string> header{"code", "condition", "place"};
+  const std::vector<std::string> older_header{"code", "condition"};
+  const bool is_older = !rows.empty() && rows.front() == older_header;
+  if (!is_older && (rows.empty() || rows.front() != header)) {
+    refuse("does not begin with code,condition,place");
+  }
   rows.erase(rows.begin());
-  const std::vector<std::string> known = letters(plan.conditions.size());
-  std::vector<std::string> codes(plan.conditions.size());
+  const std::size_t count = plan.conditions.size();
+  const std::vector<std::string> known = letters(count);
+  Key key{.codes = std::vector<std::string>(count),
+          .square = is_older ? plan_order(count) : std::vector<std::size_t>(count, count),
+          .is_square_dealt = !is_older};
   for (const std::vector<std::string>& row : rows) {
-    if (row.size() != 2) refuse("has a row that is not code,condition");
+    if (row.size() != (is_older ? 2 : 3)) refuse("has a row that is not code,condition,place");
     const std::string& code = row[0];
     if (std::find(known.begin(), known.end(), code) == known.end()) {
       refuse("\"" + one_line(code) + "\" is no code of this study, which has A … " + known.back());
     }
-    if (std::find(codes.begin(), codes.end(), code) != codes.end()) {
+    if (std::find(key.codes.begin(), key.codes.end(), code) != key.codes.end()) {
       refuse("code " + code + " is given twice");
     }
-    const auto condition = std::find_if(plan.conditions.begin(), plan.conditions.end(),
-                                        [&](const Condition& one) { return one.name == row[1]; });
-    if (condition == plan.conditions.end()) {
+    const auto found = std::find_if(
+        plan.conditions.begin(), plan.conditions.end(),
+        [&](const Condition& one) { return one.name == row[1] || csv_text(one.name) == row[1]; });
+    if (found == plan.conditions.end()) {
       refuse("\"" + one_line(row[1]) + "\" is no condition of the plan");
     }
-    std::string& place = codes[static_cast<std::size_t>(condition - plan.conditions.begin())];
-    if (!place.empty()) refuse("condition \"" + one_line(row[1]) + "\" is given twice");
-    place = code;
+    const auto condition = static_cast<std::size_t>(found - plan.conditions.begin());
+    if (!key.codes[condition].empty()) {
+      refuse("condition \"" + one_line(row[1]) + "\" is given twice");
+    }
+    key.codes[condition] = code;
+    if (is_older) continue;
+    const auto place = number_in(row[2]);
+    if (!place || *place < 1 || *place > count) {
+      refuse("\"" + one_line(row[2]) + "\" is no place of the order, which has 1 … " +
+             std::to_string(count));
+    }
+    if (key.square[*place - 1] != count) refuse("place " + row[2] + " is given twice");
+    key.square[*place - 1] = condition;
   }
-  for (std::size_t i = 0; i < codes.size(); ++i) {
-    if (codes[i].empty()) refuse("has no code of \"" + one_line(plan.conditions[i].name) + "\"");
+  for (std::size_t i = 0; i < count; ++i) {
+    if (key.codes[i].empty()) {
+      refuse("has no code of \"" + one_line(plan.conditions[i].name) + "\"");
+    }
   }
-  return codes;
+  return key;
 }
 
 }  // namespace palpate::study

@@ -25,9 +25,12 @@ std::vector<std::vector<std::size_t>> balanced_square(std::size_t n) {
   return rows;
 }
 
-std::vector<std::size_t> order_of(const Plan& plan, std::uint64_t participant) {
-  const auto square = balanced_square(plan.conditions.size());
-  return square[(participant - 1) % square.size()];
+std::vector<std::size_t> order_of(const std::vector<std::size_t>& square,
+                                  std::uint64_t participant) {
+  const auto rows = balanced_square(square.size());
+  std::vector<std::size_t> order = rows[(participant - 1) % rows.size()];
+  for (std::size_t& place : order) place = square[place];
+  return order;
 }
 
 std::uint64_t Trial::seed(const Plan& plan) const {

@@ -15,8 +15,11 @@ namespace palpate::study {
 /// rows, with an odd n > 1 twice as many. @pre  n ≥ 1
 [[nodiscard]] std::vector<std::vector<std::size_t>> balanced_square(std::size_t n);
 
-/// The conditions of a participant, in order. @param participant  from 1
-[[nodiscard]] std::vector<std::size_t> order_of(const Plan& plan, std::uint64_t participant);
+/// The conditions of a participant, in order: a row of the square.
+/// @param square  which condition has each place of the square, as the key of the folder says
+/// @param participant  from 1
+[[nodiscard]] std::vector<std::size_t> order_of(const std::vector<std::size_t>& square,
+                                                std::uint64_t participant);
 
 /// One trial of a participant.
 struct Trial {

@@ -26,6 +26,7 @@ struct StaircasePlan {
   std::uint64_t right_answers = 2;  ///< in a row, until the difference falls
   std::uint64_t reversals = 10;     ///< until it ends
   std::uint64_t most_trials = 80;
+  double most_ratio = 100.0;  ///< the difference does not grow beyond: every session takes it
   std::vector<std::vector<std::string>> alternatives{};  ///< overrides of each
 };
 
@@ -39,7 +40,9 @@ struct Plan {
   std::optional<double> seconds{};  ///< of a trial at most
   std::uint64_t seed = 1;
   std::optional<StaircasePlan> staircase{};
-  std::uint64_t fingerprint = 0;  ///< of the plan and of every file that its sessions name
+  std::uint64_t fingerprint = 0;     ///< of the plan and of every file that its sessions name
+  std::vector<std::string> files{};  ///< that it is made of, besides its own
+  std::vector<std::string> notes{};  ///< what whoever does the trials should know
 
   /// Of a trial, as --set has them. @param alternative, difference_ratio  with a staircase
   [[nodiscard]] std::vector<std::string> overrides_of(std::size_t condition,

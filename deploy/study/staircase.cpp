@@ -10,7 +10,6 @@ namespace palpate::study {
 namespace {
 
 constexpr std::size_t kLeftOut = 2;  // reversals of the way from the start
-constexpr double kMostDifference = 100.0;
 
 }  // namespace
 
@@ -28,7 +27,7 @@ void Staircase::answer(bool is_right) {
   if (direction_ != 0 && step != direction_) reversals_.push_back(difference_ratio_);
   direction_ = step;
   difference_ratio_ =
-      std::min(kMostDifference, difference_ratio_ * std::pow(plan_.step_factor, step));
+      std::min(plan_.most_ratio, difference_ratio_ * std::pow(plan_.step_factor, step));
 }
 
 double Staircase::threshold_ratio() const {

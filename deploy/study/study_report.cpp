@@ -60,7 +60,7 @@ std::string threshold_text(const ConditionFigures& figures) {
 
 std::string table_csv(const Plan& plan, const Folder& folder, bool is_open) {
   std::string csv = (is_open ? "condition," : "") + Folder::header();
-  const std::vector<std::string>& codes = folder.codes();
+  const std::vector<std::string>& codes = folder.key().codes;
   std::map<std::string, std::string> names;
   for (std::size_t i = 0; i < codes.size(); ++i) {
     names[codes[i]] = csv_cell(plan.conditions[i].name);
@@ -77,7 +77,7 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
   std::vector<ConditionFigures> figures(plan.conditions.size());
   const std::vector<std::uint64_t> participants = folder.participants();
   for (const std::uint64_t participant : participants) {
-    Series series(plan, participant);
+    Series series(plan, folder.key().square, participant);
     for (const TrialRow& row : folder.rows(participant)) {
       const auto trial = series.next();
       if (!trial) break;
@@ -100,7 +100,7 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
   }
   std::string text = fmt::format("{}: {} {}participants\n", plan.name, participants.size(),
                                  folder.is_simulated() ? "simulated " : "");
-  const std::vector<std::string>& codes = folder.codes();
+  const std::vector<std::string>& codes = folder.key().codes;
   std::vector<std::size_t> order(figures.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   // the order of the plan would tell what the codes hide

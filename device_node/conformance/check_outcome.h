@@ -13,6 +13,13 @@ namespace palpate::device {
 
 inline CheckOutcome good(std::string text) { return {CheckVerdict::kGood, std::move(text)}; }
 inline CheckOutcome failed(std::string text) { return {CheckVerdict::kFailed, std::move(text)}; }
+/// A transfer failed, which tells nothing of what the check is about.
+inline CheckOutcome failed_exchange(const std::string& text) {
+  return {
+      CheckVerdict::kFailed, text,
+      "a transfer failed, so this says nothing of the arm: check the cable and the supply, stop "
+      "other programs, and see whether a longer time of the driver's transfers helps"};
+}
 inline CheckOutcome not_observable(std::string text) {
   return {CheckVerdict::kNotObservable, std::move(text)};
 }

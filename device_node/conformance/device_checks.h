@@ -81,7 +81,8 @@ enum class CheckVerdict : std::uint8_t { kGood, kNotObservable, kFailed };
 
 struct CheckOutcome {
   CheckVerdict verdict = CheckVerdict::kGood;
-  std::string text = {};  ///< what was found
+  std::string text = {};    ///< what was found
+  std::string remedy = {};  ///< empty: that of the check
 };
 
 struct DeviceCheck {

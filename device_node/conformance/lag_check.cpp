@@ -40,7 +40,7 @@ CheckOutcome check_lag(DeviceBench& bench) {
   for (int i = 0; i < kPushes; ++i) {
     const Vector3 force_newton = (i % 2 == 0 ? 1.0 : -1.0) * gentle_force_newton(bench);
     const std::vector<Moved> push = push_away(bench, force_newton, kFar_m);
-    if (push.empty()) return failed(kNoExchange);
+    if (push.empty()) return failed_exchange(kNoExchange);
     for (const Moved& one : push) skew = std::max(skew, one.skew);
     if (push.back().moved_m.norm() < least_seen_m(bench)) continue;
     const double lag = lag_s(push, step_m(bench));

@@ -47,7 +47,7 @@ CheckOutcome check_motors(DeviceBench& bench) {
   TimePoint still_since = next_at;
   Vector3 still_m = Vector3::Zero();
   while (next_at < rest_by && next_at - still_since < kStill) {
-    if (!tick([] { return Vector3(Vector3::Zero()); })) return failed(kNoExchange);
+    if (!tick([] { return Vector3(Vector3::Zero()); })) return failed_exchange(kNoExchange);
     if ((reading.hand_position_m - still_m).cwiseAbs().maxCoeff() > 0.1 * MotorCheck::kFarthest_m) {
       still_m = reading.hand_position_m;
       still_since = next_at;
@@ -55,7 +55,7 @@ CheckOutcome check_motors(DeviceBench& bench) {
   }
   while (check.verdict() == MotorVerdict::kChecking) {
     if (!tick([&] { return check.next(reading.sampled_at, reading.hand_position_m); })) {
-      return failed(kNoExchange);
+      return failed_exchange(kNoExchange);
     }
     check.applied(at_switch.applied_force_newton);
   }
@@ -80,9 +80,8 @@ CheckOutcome check_motors(DeviceBench& bench) {
       return failed("the positions do not follow a push along " + axis +
                     ": device_node would refuse to enable it");
     case MotorVerdict::kInterrupted:
-      return failed(
-          "readings are missing for more than 5 ms again and again: stop other programs; if `pace` "
-          "names long calls, the driver blocks");
+      return {CheckVerdict::kFailed, "readings are missing for more than 5 ms again and again",
+              "stop other programs; if `pace` names long calls, the driver blocks"};
     case MotorVerdict::kChecking:
     case MotorVerdict::kGood:
       break;

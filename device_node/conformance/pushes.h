@@ -12,6 +12,7 @@
 namespace palpate::device {
 
 inline constexpr const char* kNoReading = "read() gave nothing";
+inline constexpr const char* kNoApply = "apply() failed";
 inline constexpr const char* kNoExchange = "read(), apply() or release() failed";
 inline constexpr const char* kNoMotion = "it does not move: does somebody hold it?";
 

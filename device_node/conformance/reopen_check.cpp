@@ -24,17 +24,18 @@ CheckOutcome check_reopen(DeviceBench& bench) {
   const double seen_m = least_seen_m(bench);
   DeviceSample first;
   DeviceSample before;
-  if (!device.read(first)) return failed(kNoReading);
-  if (push_away(bench, gentle_force_newton(bench), kAway_m).empty()) return failed(kNoExchange);
+  if (!device.read(first)) return failed_exchange(kNoReading);
+  if (push_away(bench, gentle_force_newton(bench), kAway_m).empty())
+    return failed_exchange(kNoExchange);
   const std::optional<Vector3> drift_m_per_s = come_to_rest(bench);
-  if (!drift_m_per_s || !device.read(before)) return failed(kNoReading);
+  if (!drift_m_per_s || !device.read(before)) return failed_exchange(kNoReading);
 
   if (!device.reopen(kWithin)) return failed("reopen() failed, of a device that answered");
   if (device.phase() != DevicePhase::kCalibrated) {
     return good("it says that it needs its calibration again");
   }
   DeviceSample after;
-  if (!device.read(after)) return failed(kNoReading);
+  if (!device.read(after)) return failed_exchange(kNoReading);
   const Vector3 off_m = after.hand_position_m - before.hand_position_m -
                         to_seconds(after.sampled_at - before.sampled_at) * drift_m_per_s.value();
   const double moved_m = (before.hand_position_m - first.hand_position_m).norm();

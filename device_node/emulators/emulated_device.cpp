@@ -28,7 +28,7 @@ constexpr std::array<KnownFault, 31> kWireFaults{
      {"stuck", WireFault::kStuck},
      {"echo", WireFault::kEcho, "falcon"},
      {"no_watchdog", WireFault::kNoWatchdog},
-     {"no_supply", WireFault::kNoSupply, "haply_inverse"},
+     {"no_supply", WireFault::kNoSupply},
      {"uncalibrated", WireFault::kUncalibrated, "haply_inverse"},
      {"power_cycle", WireFault::kPowerCycle, "hapi wooden"},
      {"encoder_zero", WireFault::kEncoderZero, "falcon wooden"},
@@ -54,9 +54,41 @@ constexpr std::array<KnownFault, 31> kWireFaults{
 constexpr double kWeightNewton = 0.5;
 constexpr std::uint64_t kDroppedOneIn = 20;
 
+constexpr double kMostNumber = 1e6;  // s and ms
+
 bool read_number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size() && value >= 0.0 && value < 1e6;
+  return error == std::errc() && end == text.data() + text.size() && value >= 0.0;
+}
+
+/// Takes effect as it begins, however long it is.
+bool is_at_once(WireFault kind) {
+  return kind == WireFault::kPowerCycle || kind == WireFault::kEncoderZero;
+}
+
+/// Kinds of which one acts at a time; 0: beside all others. Of two that were given, that of the
+/// earlier place in the group acts, or the one that was given first.
+struct FaultGroup {
+  int group = 0;
+  int rank = 0;
+};
+FaultGroup group_of(WireFault kind) {
+  constexpr std::array kWatchdogKinds{WireFault::kNoWatchdog, WireFault::kWatchdog20,
+                                      WireFault::kWatchdog100, WireFault::kWatchdog500};
+  constexpr std::array kTransferKinds{WireFault::kDoubled, WireFault::kMerged, WireFault::kPartial};
+  constexpr std::array kGripKinds{WireFault::kGripGone, WireFault::kGripOff,
+                                  WireFault::kGripFrozen};
+  if (kind <= WireFault::kEcho) return {.group = 1};
+  const auto within = [&](const auto& kinds, int group) -> FaultGroup {
+    const auto at = std::find(kinds.begin(), kinds.end(), kind);
+    return at == kinds.end() ? FaultGroup{}
+                             : FaultGroup{group, static_cast<int>(at - kinds.begin())};
+  };
+  for (const FaultGroup& found :
+       {within(kWatchdogKinds, 2), within(kTransferKinds, 3), within(kGripKinds, 4)}) {
+    if (found.group > 0) return found;
+  }
+  return {};
 }
 
 SetupError fault_of_another(const std::string& text, const std::string& driver,
@@ -100,6 +132,14 @@ PlannedFault parse_fault(const std::string& text, const std::string& driver) {
         if (!drivers.empty() && drivers.find(driver) == std::string_view::npos) {
           throw fault_of_another(text, driver, drivers);
         }
+        if (fault.from_s >= kMostNumber || length_ms >= kMostNumber) {
+          throw SetupError("--fault \"" + text +
+                           "\": SECONDS and MILLISECONDS are below 1,000,000; give less");
+        }
+        if (length_ms == 0.0 && !is_at_once(kind)) {
+          throw SetupError("--fault \"" + text +
+                           "\": lasts 0 ms, so nothing would happen; give its milliseconds");
+        }
         return fault;
       }
     }
@@ -110,6 +150,22 @@ PlannedFault parse_fault(const std::string& text, const std::string& driver) {
                    "\": give KIND@SECONDS:MILLISECONDS, such as "
                    "unplugged@2:500; kinds are " +
                    kinds);
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> hidden_faults(
+    const std::vector<PlannedFault>& faults) {
+  std::vector<std::pair<std::size_t, std::size_t>> hidden;
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    for (std::size_t k = i + 1; k < faults.size(); ++k) {
+      const FaultGroup a = group_of(faults[i].kind);
+      const FaultGroup b = group_of(faults[k].kind);
+      const bool is_meeting = faults[i].from_s < faults[k].from_s + faults[k].length_s &&
+                              faults[k].from_s < faults[i].from_s + faults[i].length_s;
+      if (a.group == 0 || a.group != b.group || !is_meeting) continue;
+      hidden.push_back(b.rank < a.rank ? std::pair(i, k) : std::pair(k, i));
+    }
+  }
+  return hidden;
 }
 
 EmulatedDevice::EmulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand,

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/clock.h"
@@ -74,6 +75,10 @@ struct FaultOutcome {
 /// @param driver  in sessions
 /// @throws SetupError  another form, the text lists the kinds; or no fault of this driver's device
 [[nodiscard]] PlannedFault parse_fault(const std::string& text, const std::string& driver);
+
+/// Pairs (a, b): while both are under way only b has an effect.
+[[nodiscard]] std::vector<std::pair<std::size_t, std::size_t>> hidden_faults(
+    const std::vector<PlannedFault>& faults);
 
 /// One thread, except where another is named.
 class EmulatedDevice {

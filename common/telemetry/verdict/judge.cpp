@@ -177,12 +177,13 @@ class Judge {
                        device.coarse_readings),
            "give the true one in device.profile.position_resolution_m"});
     }
-    if (const double outside = ratio(device.outside_readings, ticks()); outside > 0.0) {
+    if (device.outside_readings > 0) {  // a tick has two, before and at its switch
       add({Grade::kBad, "outside_workspace",
-           percent(outside) +
-               " of the readings were outside of the device's workspace, where nothing bounds what "
-               "the currents do that its motors hold",
-           "keep the hand inside, or give a larger mount.workspace_half_extent_m", outside});
+           thousands(static_cast<double>(device.outside_readings)) +
+               " readings were outside of the device's workspace, where nothing bounds what the "
+               "currents do that its motors hold",
+           "keep the hand inside, or give a larger mount.workspace_half_extent_m",
+           std::min(1.0, ratio(device.outside_readings, 2 * ticks()))});
     }
     if (const double repeated = ratio(device.repeated_readings, ticks()); repeated >= kFairRatio) {
       add({Grade::kFair, "readings_repeated",
@@ -197,9 +198,7 @@ class Judge {
   void judge_limits() {
     const DeviceCounters& device = f_.device;
     if (f_.mofc.contact_ticks == 0) return;
-    if (device.has_no_motor_watchdog && !device.accepts_no_motor_watchdog) {
-      findings_.push_back(no_motor_watchdog(f_));
-    }
+    if (is_held_by_no_watchdog(f_)) findings_.push_back(no_motor_watchdog(f_));
     const double cut = std::min(1.0, ratio(device.peak_limited_ticks, f_.mofc.contact_ticks));
     const Grade grade = grade_above(cut, kFairRatio, kBadRatio);
     if (grade == Grade::kGood) return;

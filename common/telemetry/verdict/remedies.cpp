@@ -9,6 +9,16 @@
 #include "common/telemetry/verdict/causes.h"
 
 namespace palpate {
+namespace {
+
+/// Of a device with friction whose motors have no watchdog: nothing but a limit of 0 takes all of
+/// every force.
+bool grants_no_force(const RunFacts& facts) {
+  return facts.device.has_no_motor_watchdog && facts.device.max_force_newton == 0.0 &&
+         facts.device.peak_limited_ticks > 0 && facts.coulomb_newton > 0.0;
+}
+
+}  // namespace
 
 std::string path_remedy(const RunFacts& facts) {
   return fmt::format("the recorded path {} at {:.3f} s: smooth it there",
@@ -39,18 +49,22 @@ RunFinding no_motor_watchdog(const RunFacts& facts) {
       .text =
           "the motors do not end a force by themselves, so it is held to the device's dry friction",
       .remedy = "if a person can cut the supply of the motors: device.accept=NO_MOTOR_WATCHDOG"};
-  // nothing but a limit of 0 takes all of every force
-  if (facts.device.max_force_newton == 0.0 && facts.device.peak_limited_ticks > 0 &&
-      facts.coulomb_newton > 0.0) {
+  if (grants_no_force(facts)) {
     finding.grade = Grade::kBad;
-    finding.text +=
-        ": to none, as nothing bounds what held currents are elsewhere in the workspace";
+    finding.text =
+        "the motors do not end a force by themselves, and the device gave none: nothing bounds "
+        "what held currents are elsewhere in the workspace";
     finding.remedy =
-        "give the driver a smaller workspace_half_extent_m, which ends before singular places of "
-        "the arm, or a plug-in its held_force_ratio (event=force_limit in the log); or, " +
-        finding.remedy;
+        "give the driver a smaller mount.workspace_half_extent_m, which ends before singular "
+        "places of the arm, whatever the session accepts, or a plug-in its held_force_ratio "
+        "(event=force_limit in the log)";
   }
   return finding;
+}
+
+bool is_held_by_no_watchdog(const RunFacts& facts) {
+  return facts.device.has_no_motor_watchdog &&
+         (!facts.device.accepts_no_motor_watchdog || grants_no_force(facts));
 }
 
 std::string nodes_left_out(const RunFacts& facts) {

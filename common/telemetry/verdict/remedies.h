@@ -18,6 +18,9 @@ namespace palpate {
 [[nodiscard]] std::string disagreement_remedy(const RunFacts& facts);
 /// Of motors that end no force by themselves, in a session that does not accept that.
 [[nodiscard]] RunFinding no_motor_watchdog(const RunFacts& facts);
+/// They do not, and the session does not accept that, or what it accepts gives no force: nothing
+/// bounds in its workspace what they hold.
+[[nodiscard]] bool is_held_by_no_watchdog(const RunFacts& facts);
 /// "mofc_node, physics_node"; empty: the telemetry of all is there.
 [[nodiscard]] std::string nodes_left_out(const RunFacts& facts);
 

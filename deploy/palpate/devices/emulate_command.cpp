@@ -92,6 +92,10 @@ struct EmulateCommand {
     for (const std::string& fault : faults) {
       planned.push_back(device::parse_fault(fault, device::driver_name(emulated.driver)));
     }
+    for (const auto& [without, with] : device::hidden_faults(planned)) {
+      say(fmt::format("--fault {}: has no effect while {} is under way", faults[without],
+                      faults[with]));
+    }
     return std::visit([&](const auto& config) { return emulate(config, whole, planned); },
                       emulated.driver);
   }
@@ -175,6 +179,11 @@ struct EmulateCommand {
     server.join();
     const std::vector<device::FaultOutcome> outcomes = device.outcomes();
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
+      if (device.now_s() < outcomes[i].fault.from_s) {
+        say(fmt::format("fault {}: never began, the emulator ended {:.3g} s after its start",
+                        faults[i], device.now_s()));
+        continue;
+      }
       say(fmt::format("fault {}: {:.3f} N as it began, no force after {:.1f} ms", faults[i],
                       outcomes[i].force_newton, 1e3 * to_seconds(outcomes[i].pushed_for)));
     }

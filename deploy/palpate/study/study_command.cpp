@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/core/check.h"
 #include "common/core/user/output_file.h"
@@ -53,6 +54,13 @@ struct StudyOptions {
   }
 };
 
+void say_of_older_key(const Folder& folder) {
+  if (folder.key().is_square_dealt) return;
+  say(folder.path().string() +
+      ": was made by an older version, whose order of conditions follows the plan: who knows the "
+      "plan can tell the codes from it; it goes on as it began, and a new folder is blind");
+}
+
 struct StudyReportCommand {
   StudyOptions study;
   std::string csv_file;
@@ -78,8 +86,12 @@ struct StudyReportCommand {
                        ": no results yet; make some with `palpate study`, or name their "
                        "folder with --folder");
     }
-    check_outputs({{"--csv", csv_file}}, {study.file}, may_overwrite);
     const Folder folder(path, plan, is_simulated);
+    std::vector<std::string> inputs = folder.files();
+    inputs.insert(inputs.end(), plan.files.begin(), plan.files.end());
+    inputs.push_back(study.file);
+    check_outputs({{"--csv", csv_file}}, inputs, may_overwrite);
+    if (!verbosity.is_quiet) say_of_older_key(folder);
     if (csv_file != kStandardOutput && !verbosity.is_quiet) {
       std::fputs(summary_text(plan, folder, is_open).c_str(), stdout);
     }
@@ -135,7 +147,11 @@ struct StudyCommand {
     }
     const Folder folder(study.folder_of(plan), plan, is_loopback);
     const study::ParticipantLock lock(folder, participant);
-    study::Series series(plan, participant);
+    if (!verbosity.is_quiet) {
+      for (const std::string& note : plan.notes) say(note);
+      say_of_older_key(folder);
+    }
+    study::Series series(plan, folder.key().square, participant);
     for (const study::TrialRow& row : folder.rows(participant)) series.take(row.is_right);
     const StopSignal stop;
     std::uint64_t done = 0;

@@ -265,6 +265,33 @@ TEST(ConformDevice, NamesWhatFallsShortWithARemedy) {
   EXPECT_THAT(reading->remedy, HasSubstr("unit quaternions"));
 }
 
+// A transfer that fails tells nothing of signs, axes and gains.
+TEST(ConformDevice, BlamesNoMotorsWhereATransferFails) {
+  ManualClock clock;
+  device::Driver driver = driver_of(false);
+  driver.open = [](const Clock& time, const device::StartUp&) {
+    auto opened = std::make_unique<test::ScriptedDevice>(time, false);
+    opened->position_m = Vector3::Zero();
+    opened->before_switch = [device = opened.get(), switches = 0]() mutable {
+      device->fails_to_apply = ++switches > 220;  // those of the checks before
+    };
+    return opened;
+  };
+  const std::vector<ConformFinding> found = conform_device(
+      driver, std::chrono::milliseconds(1), clock,
+      {.may_move_hardware = true, .start_up = {.is_acknowledged = [] { return true; }}});
+  bool was_seen = false;
+  for (const ConformFinding& one : found) {
+    if (one.check == "pace") EXPECT_THAT(one.text, testing::Not(HasSubstr("e+")));
+    if (one.check != "motors") continue;
+    was_seen = true;
+    EXPECT_FALSE(one.is_good);
+    EXPECT_THAT(one.text, HasSubstr("failed"));
+    EXPECT_THAT(one.remedy, AllOf(HasSubstr("cable"), testing::Not(HasSubstr("signs"))));
+  }
+  EXPECT_TRUE(was_seen);
+}
+
 TEST(ConformDevice, NamesACallThatDoesNotReturn) {
   ManualClock clock;
   std::promise<void> hung;

@@ -138,6 +138,7 @@ class Outputs : public testing::Test {
         {"palpate", loopback, "--json", session_, true},
         {"palpate", loopback, "--csv", path("organ.msh"), false},
         {"palpate", loopback, "--record", path("omni.txtpb"), false},
+        {"palpate", loopback, "--post-mortem", session_, true},
         {"palpate", {"export", path("run.mcap")}, "--csv", path("run.mcap"), true},
         {"palpate", {"report", path("run.mcap")}, "--output", path("run.mcap"), true},
         {"palpate", {"report", path("run.mcap")}, "-o", path("run.mcap"), true},

@@ -140,13 +140,91 @@ TEST_F(Studies, NoisyHandsDoTheTrialsOfAShippedStudyInBalancedOrder) {
   EXPECT_EQ(report.status, 0) << report.err;
   const std::string csv = text_of(path("e.csv"));
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 9);
-  EXPECT_THAT(csv, AllOf(HasSubstr("condition,study,participant,simulated,trial,"),
-                         HasSubstr("\nforce,epidural_delay,1,1,1,1,1,"),
-                         HasSubstr("\nno force,epidural_delay,1,1,4,2,1,"),
-                         HasSubstr("\nno force,epidural_delay,2,1,1,1,1,"), HasSubstr(",needle,")));
+  EXPECT_THAT(
+      csv, AllOf(HasSubstr("condition,study,participant,simulated,trial,"), HasSubstr(",needle,")));
+  const auto condition_of = [&](const std::string& participant_trial_and_block) {
+    const std::size_t at = csv.find(",epidural_delay," + participant_trial_and_block);
+    EXPECT_NE(at, std::string::npos) << participant_trial_and_block << "\n" << csv;
+    return csv.substr(csv.rfind('\n', at) + 1, at - csv.rfind('\n', at) - 1);
+  };
+  // three trials each; the first rows of the square of three are 0 1 2 and 1 2 0
+  EXPECT_EQ(condition_of("1,1,1,1,1,"), condition_of("1,1,3,1,3,"));
+  EXPECT_NE(condition_of("1,1,1,1,1,"), condition_of("1,1,4,2,1,"));
+  EXPECT_EQ(condition_of("1,1,4,2,1,"), condition_of("2,1,1,1,1,"));
   // to try a plan costs no participant: people begin with their first trial
   const Outcome people = palpate({"study", "report", study, "--folder", path("e")});
   EXPECT_THAT(people.out, HasSubstr("epidural_delay: 0 participants"));
+}
+
+// The field is at most 0.1 (docs/session.md): 0.05 · (1 + 1). Nobody marks, so every answer is
+// wrong: 30 %, 60 %, 120 %, ….
+TEST_F(Studies, ASeriesGrowsNoFartherThanItsFieldAndSaysSo) {
+  const std::string begin = std::string("session: \"") + kSessions +
+                            "stiffer_side.txtpb\"\nseconds: 1 condition { name: \"a\" }\n";
+  const std::string end =
+      " step_factor: 2 right_answers: 1 most_trials: 5 alternative {} alternative { set: "
+      "\"name=other\" } }";
+  const std::string file =
+      plan(begin +
+           "staircase { field: \"task.palpation.coverage_radius_m\" reference: 0.05 "
+           "start_ratio: 0.3" +
+           end);
+  const Outcome outcome =
+      palpate({"study", file, "--folder", path("g"), "--participant", "1", "--loopback"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("plan.txtpb:3:"),
+                                 HasSubstr("staircase.field: the session takes a difference of at "
+                                           "most 100 %"),
+                                 HasSubstr("coverage_radius_m"), HasSubstr("give another")));
+  const std::string csv = table(file, "g");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 6) << csv;
+  for (const char* difference : {",A,0.3,", ",A,0.6,", ",A,1,"}) {
+    EXPECT_THAT(csv, HasSubstr(difference));
+  }
+  EXPECT_THAT(csv, Not(HasSubstr(",A,1.2,")));
+  // a start beyond it
+  const Outcome refused =
+      palpate({"study",
+               plan(begin +
+                    "staircase { field: \"task.palpation.coverage_radius_m\" reference: 0.05\n"
+                    "start_ratio: 1.3" +
+                    end),
+               "--folder", path("h"), "--participant", "1", "--loopback"});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("plan.txtpb:4:"), HasSubstr("staircase.start_ratio: "),
+                                 HasSubstr("coverage_radius_m")));
+}
+
+// What a report reads is left as it is: by name, by a link, and whatever --overwrite says.
+TEST_F(Studies, AReportDestroysNothingThatItReads) {
+  const std::string session = files_.write("own.txtpb", R"(
+    name: "study_own" hand { hold { position_m { z: 0.01 } } }
+    scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+    task { free {} time_s: 1 }
+  )");
+  const std::string file = plan("session: \"own.txtpb\" seconds: 1 condition { name: \"a\" }");
+  ASSERT_EQ(
+      palpate({"study", file, "--folder", path("k"), "--participant", "1", "--loopback"}).status,
+      0);
+  std::filesystem::create_symlink(path("k") + "/study.txt", path("link.csv"));
+  std::filesystem::create_hard_link(path("k") + "/key_simulated.csv", path("twin.csv"));
+  const std::vector<std::string> all{path("k") + "/key.csv",
+                                     path("k") + "/key_simulated.csv",
+                                     path("k") + "/study.txt",
+                                     path("k") + "/S001/trial_001/row.csv",
+                                     path("k") + "/S001/trial_001/run.mcap",
+                                     path("link.csv"),
+                                     path("twin.csv"),
+                                     session,
+                                     file};
+  for (const std::string& one : all) {
+    const std::string before = text_of(one);
+    const Outcome outcome = palpate({"study", "report", file, "--folder", path("k"), "--simulated",
+                                     "--csv", one, "--overwrite"});
+    EXPECT_EQ(outcome.status, 2) << one;
+    EXPECT_THAT(outcome.err, HasSubstr("is read by this command")) << one;
+    EXPECT_EQ(text_of(one), before) << one;
+  }
 }
 
 TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
@@ -233,15 +311,24 @@ TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {
               HasSubstr("a staircase needs task { palpation"));
   EXPECT_THAT(refusal(std::string("session: \"") + kSessions +
                       "../default.txtpb\" condition { name: \"a\" }"),
-              HasSubstr("has no task"));
+              AllOf(HasSubstr("plan.txtpb:1:"), HasSubstr("session: "), HasSubstr("has no task")));
   const std::string staircase =
       " staircase { field: \"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m\" reference: 1 "
       "alternative {} alternative {} }";
   for (const char* rival : {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=9", "scene={}"}) {
     std::string text = session;
-    text.append("condition { name: \"a\" set: \"").append(rival).append("\" }").append(staircase);
-    EXPECT_THAT(refusal(text), HasSubstr("sets what the staircase sets")) << rival;
+    text.append("\n\ncondition { name: \"a\" set: \"").append(rival).append("\" }");
+    EXPECT_THAT(refusal(text + staircase),
+                AllOf(HasSubstr("plan.txtpb:3:"), HasSubstr("condition[0].set[0]: "),
+                      HasSubstr("sets what the staircase sets")))
+        << rival;
   }
+  EXPECT_THAT(refusal(session + "\ncondition { name: \"a\\377b\" }"),
+              AllOf(HasSubstr("plan.txtpb:2:"), HasSubstr("condition[0].name: is not UTF-8 text")));
+  EXPECT_THAT(refusal(session + "condition { name: \"a\\000b\" }"), HasSubstr("zero bytes"));
+  EXPECT_THAT(refusal("\n\nsession: \"nowhere.txtpb\" condition { name: \"a\" }"),
+              AllOf(HasSubstr("plan.txtpb:3:"), HasSubstr("session: "), HasSubstr("nowhere.txtpb"),
+                    HasSubstr("no such file")));
   EXPECT_THAT(refusal("condition { nam: \"a\" }"), HasSubstr("nam"));
   EXPECT_THAT(palpate({"study", plan(session + "condition { name: \"a\" }")}).err,
               HasSubstr("give --participant N"));

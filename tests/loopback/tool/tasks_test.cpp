@@ -210,6 +210,16 @@ TEST_F(Tasks, AClassIsOnePageThatLoadsNothingAndWhoseNamesAreText) {
   EXPECT_THAT(html, AllOf(testing::Not(HasSubstr("<i>")), testing::Not(HasSubstr("<script")),
                           testing::Not(HasSubstr("http:")), testing::Not(HasSubstr("https:"))));
   EXPECT_EQ(palpate({"score", name, "--html", path("class.html")}).status, 2) << "overwrites";
+  // a name in Latin-1, on pages that say that they are UTF-8
+  const std::string latin = path("caf\xE9.mcap");
+  std::filesystem::copy_file(name, latin);
+  ASSERT_EQ(palpate({"score", latin, "--html", path("latin.html")}).status, 0);
+  ASSERT_EQ(palpate({"report", latin, "-o", path("report.html")}).status, 0);
+  for (const char* const page : {"latin.html", "report.html"}) {
+    const std::string text = text_of(path(page));
+    EXPECT_EQ(text.find('\xE9'), std::string::npos) << page;
+    EXPECT_THAT(text, HasSubstr("caf\xEF\xBF\xBD"));
+  }
 }
 
 // As a viewer that is killed, or a disk that is full, leaves it.

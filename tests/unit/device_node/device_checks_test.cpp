@@ -206,7 +206,17 @@ class WrongUnderTest : public DeviceBench {
   }
   HapticDevice& device() override { return wrong_; }
   [[nodiscard]] const Clock& clock() const override { return parts_.time; }
-  void pass(Duration time) override { parts_.time.advance(time); }
+  void pass(Duration time) override {
+    parts_.time.advance(time);
+    farthest_m_ = std::max(farthest_m_, (true_m() - begin_m_).norm());
+  }
+  /// From now on. How far the arm is from there, and how far it was at most.
+  void begin() {
+    begin_m_ = true_m();
+    farthest_m_ = 0.0;
+  }
+  [[nodiscard]] double away_m() { return (true_m() - begin_m_).norm(); }
+  [[nodiscard]] double farthest_m() const { return farthest_m_; }
   [[nodiscard]] Duration stamp_tolerance() const override { return opened_.stamp_tolerance(); }
   [[nodiscard]] Duration period() const override { return 1ms; }
   [[nodiscard]] Duration latency() const override { return latency_; }
@@ -223,9 +233,16 @@ class WrongUnderTest : public DeviceBench {
   static HandConfig free_hand() {
     return {.mass_kg = 0.1, .stiffness_newton_per_m = 0.0, .damping_newton_s_per_m = 0.0};
   }
+  [[nodiscard]] Vector3 true_m() {
+    DeviceSample sample;
+    EXPECT_TRUE(parts_.simulated.read(sample));
+    return sample.hand_position_m;
+  }
   Parts parts_;
   WrongDevice wrong_;
   OpenedDevice opened_;
+  Vector3 begin_m_ = Vector3::Zero();
+  double farthest_m_ = 0.0;
   Duration latency_;
   bool shows_motors_;
 };
@@ -336,6 +353,22 @@ TEST(DeviceChecks, NameTheFaultsThatTheMotionAloneShows) {
     const CheckOutcome found = outcomes_of(fault, false)[check];
     EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
   }
+}
+
+// An arm that nobody holds coasts on after each push: a row of them one way would carry it out of
+// its workspace.
+TEST(DeviceChecks, ThePushesOfACheckBringTheArmBack) {
+  WrongUnderTest bench("no fault, no watchdog", false);
+  int seen = 0;
+  for (const DeviceCheck& check : device_checks()) {
+    bench.begin();
+    const CheckOutcome outcome = check.run(bench);
+    if (outcome.text.find("by the motion, ") == std::string::npos) continue;
+    ++seen;
+    EXPECT_GT(bench.farthest_m(), 1e-3) << check.name;
+    EXPECT_LT(bench.away_m(), 0.5 * bench.farthest_m()) << check.name;
+  }
+  EXPECT_GE(seen, 2);
 }
 
 TEST(DeviceChecks, ByTheMotionAloneFindNoFaultInARightDriver) {

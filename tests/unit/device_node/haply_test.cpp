@@ -388,7 +388,38 @@ TEST(EmulatedFaults, AreReadFromTheCommandLine) {
     EXPECT_THROW(static_cast<void>(parse_fault(bad, "haply_inverse")), SetupError) << bad;
   }
   EXPECT_NO_THROW(static_cast<void>(parse_fault("turning@1:5", "hapi")));
+  // each device of docs/devices.md that is tried without a supply
+  for (const char* driver : {"haply_inverse", "hapi", "falcon", "wooden"}) {
+    EXPECT_NO_THROW(static_cast<void>(parse_fault("no_supply@0:9", driver))) << driver;
+  }
   EXPECT_THROW(static_cast<void>(parse_fault("turning@1:5", "haply_inverse")), SetupError);
+}
+
+TEST(EmulatedFaults, ThatCanHaveNoEffectAreSaid) {
+  const auto refusal = [](const std::string& text) -> std::string {
+    try {
+      static_cast<void>(parse_fault(text, "wooden"));
+    } catch (const SetupError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal("stuck@0:1000000"), HasSubstr("below 1,000,000"));
+  EXPECT_THAT(refusal("stuck@1e6:5"), HasSubstr("below 1,000,000"));
+  EXPECT_EQ(refusal("stuck@0:999999"), "");
+  EXPECT_THAT(refusal("stuck@1:0"), HasSubstr("lasts 0 ms"));
+  EXPECT_EQ(refusal("power_cycle@1:0"), "");  // is over as it begins
+  const auto hidden = [](const std::vector<std::string>& texts) {
+    std::vector<PlannedFault> faults;
+    for (const std::string& text : texts) faults.push_back(parse_fault(text, "hapi"));
+    return hidden_faults(faults);
+  };
+  using Pairs = std::vector<std::pair<std::size_t, std::size_t>>;
+  EXPECT_EQ(hidden({"stuck@1:500", "silent@1.2:500"}), (Pairs{{1, 0}}));
+  EXPECT_EQ(hidden({"stuck@1:500", "silent@1.5:500"}), Pairs());
+  EXPECT_EQ(hidden({"stuck@1:500", "late@1:500", "weight@1:500"}), Pairs());
+  EXPECT_EQ(hidden({"watchdog_100@1:500", "no_watchdog@1:500"}), (Pairs{{0, 1}}));
+  EXPECT_EQ(hidden({"merged@1:500", "doubled@1:500"}), (Pairs{{0, 1}}));
 }
 
 std::unique_ptr<DeviceBench> open_emulated_haply() {

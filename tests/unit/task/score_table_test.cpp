@@ -7,7 +7,10 @@
 
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string>
 #include <utility>
+
+#include "common/telemetry/csv_writer.h"
 
 namespace palpate {
 namespace {
@@ -144,6 +147,24 @@ TEST(ScoreTable, EveryRowHasEveryColumn) {
   EXPECT_THAT(regions, HasSubstr("\na/one.mcap,lump,found,"));
   EXPECT_THAT(regions, HasSubstr("\na/one.mcap,elsewhere,"));
   EXPECT_THAT(regions, HasSubstr("\nneedle.mcap,dura,spared,"));
+}
+
+// A spreadsheet takes a cell that begins with = + - @ for a formula, also one in quotes.
+TEST(ScoreTable, NoNameIsAFormula) {
+  for (const char* const name :
+       {"=1+1", "+cmd|' /C calc'!A0", "-1+1", "@SUM(1)", "=HYPERLINK(\"http://x\",\"y\")"}) {
+    const std::string cell = csv_cell(name);
+    const std::size_t begin = cell.starts_with('"') ? 1 : 0;
+    EXPECT_EQ(cell[begin], '\'') << cell;
+    NamedScore run = run_of(name, {}, 0);
+    run.score.smoothness = -14.9;
+    const std::string csv = table_csv({run});
+    EXPECT_THAT(csv, HasSubstr("\n" + cell + ","));
+    EXPECT_THAT(csv, HasSubstr(",-14.9,"));
+  }
+  for (const char* const plain : {"-0.5", "+3e-3", "-14", "a=b", "", "\xEF\xBF\xBD"}) {
+    EXPECT_EQ(csv_cell(plain), plain);
+  }
 }
 
 TEST(ScoreTable, ComparedRunsStandBesideEachOther) {

@@ -203,6 +203,9 @@ inline std::vector<VerdictCase> verdict_cases() {
        [](TroubledRun& run) { run.device.coarse_readings = 5; }},
       {"a hand outside of a bounded workspace", "outside_workspace", "workspace_half_extent_m",
        "bad", [](TroubledRun& run) { run.device.outside_readings = 5; }},
+      {"a hand outside at each reading of each tick", "outside_workspace",
+       "workspace_half_extent_m", "bad",
+       [](TroubledRun& run) { run.device.outside_readings = 2 * run.device.loop.ticks; }},
       {"a restarted device", "device_restarted", "log", "bad",
        [](TroubledRun& run) {
          run.is_device_restarted = true;
@@ -595,6 +598,15 @@ inline std::vector<VerdictCase> verdict_cases() {
        "workspace_half_extent_m", "bad",
        [](TroubledRun& run) {
          run.device.has_no_motor_watchdog = true;
+         run.device.max_force_newton = 0.0;
+         run.device.peak_limited_ticks = 5'000;
+         run.mofc.clamped_ticks = 2'000;
+         run.physics.is_started_in_contact = true;
+       }},
+      {"motors that end no force and may hold any, accepted", "no_motor_watchdog",
+       "workspace_half_extent_m", "bad",
+       [](TroubledRun& run) {
+         run.device.has_no_motor_watchdog = run.device.accepts_no_motor_watchdog = true;
          run.device.max_force_newton = 0.0;
          run.device.peak_limited_ticks = 5'000;
          run.mofc.clamped_ticks = 2'000;

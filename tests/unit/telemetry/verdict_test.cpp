@@ -9,6 +9,8 @@
 #include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <string>
 
 #include "tests/unit/telemetry/verdict_cases.h"
 
@@ -48,6 +50,37 @@ TEST(Verdict, NamesTheCauseOfEveryTrouble) {
     ++checked;
   }
   EXPECT_GE(checked, 20u);
+}
+
+TEST(Verdict, NoShareIsMoreThanAll) {
+  const std::regex share("([0-9.]+) %");
+  for (const VerdictCase& one : verdict_cases()) {
+    for (const RunFinding& finding : judge(lockstep_facts(run_of(one)))) {
+      EXPECT_LE(finding.share, 1.0) << one.name << ": " << finding.text;
+      std::smatch found;
+      if (!std::regex_search(finding.text, found, share)) continue;
+      EXPECT_LE(std::stod(found[1]), 100.0) << one.name << ": " << finding.text;
+    }
+  }
+}
+
+// The device gave no force, so neither the tissue nor the hand is to blame, and what the session
+// accepts changes nothing.
+TEST(Verdict, OfAWorkspaceThatLeavesNoForceBlamesNothingElse) {
+  for (const bool is_accepted : {false, true}) {
+    TroubledRun run;
+    run.device.has_no_motor_watchdog = true;
+    run.device.accepts_no_motor_watchdog = is_accepted;
+    run.device.max_force_newton = 0.0;
+    run.device.peak_limited_ticks = 5'000;
+    run.mofc.clamped_ticks = 2'000;
+    run.physics.is_started_in_contact = true;
+    const std::string words = words_of(judge(lockstep_facts(run)));
+    EXPECT_THAT(words, HasSubstr("workspace_half_extent_m"));
+    for (const char* const wrong : {"softer tissue", "begin outside", "NO_MOTOR_WATCHDOG"}) {
+      EXPECT_THAT(words, Not(HasSubstr(wrong)));
+    }
+  }
 }
 
 TEST(Verdict, BlamesNoSimulatedFaultWhereThereIsNone) {

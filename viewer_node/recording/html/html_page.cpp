@@ -1,6 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/recording/html/html_page.h"
 
+#include <algorithm>
+#include <cstddef>
+#include <string_view>
+
+#include "common/core/user/utf8.h"
+
 // the file of report_assets.S
 extern "C" const char palpate_report_css[], palpate_report_css_end[];
 
@@ -8,7 +14,15 @@ namespace palpate {
 
 std::string html_escaped(const std::string& text) {
   std::string html;
-  for (const char c : text) {
+  // the page says that it is UTF-8; names of files may be anything
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t length = utf8_character_at(std::string_view(text).substr(at)).length;
+    if (length != 1) {
+      html += length == 0 ? "\xEF\xBF\xBD" : text.substr(at, length);
+      at += std::max<std::size_t>(1, length);
+      continue;
+    }
+    const char c = text[at++];
     switch (c) {
       case '<':
         html += "&lt;";
