@@ -282,7 +282,9 @@ TEST(ConformDevice, BlamesNoMotorsWhereATransferFails) {
       {.may_move_hardware = true, .start_up = {.is_acknowledged = [] { return true; }}});
   bool was_seen = false;
   for (const ConformFinding& one : found) {
-    if (one.check == "pace") EXPECT_THAT(one.text, testing::Not(HasSubstr("e+")));
+    if (one.check == "pace") {
+      EXPECT_THAT(one.text, testing::Not(HasSubstr("e+")));
+    }
     if (one.check != "motors") continue;
     was_seen = true;
     EXPECT_FALSE(one.is_good);
