@@ -24,10 +24,6 @@ constexpr double kFarthestCell = 1e9;     // differences fit 32 bits
 constexpr double kSamePlace_m = 1e-9;     // far below what vertices in 32 bits tell
 constexpr double kJoint_m = 1e-6;         // triangles so near to each other are joined
 
-double area_of(const Corners& triangle) {
-  return 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
-}
-
 /// From a place to the part of space; infinite of a MeshTag.
 struct DistanceTo {
   const Vector3& place_m;
@@ -68,8 +64,6 @@ void for_pieces(const Corners& triangle, double spacing_m,
   }
   for (const Corners& half : halves(triangle, edge)) for_pieces(half, spacing_m, area, visit);
 }
-
-constexpr double kNowhere_m = 1e9;
 
 /// Uniform in [0, 1), always the same for the same number [splitmix64].
 double uniform(std::uint64_t number) {
@@ -128,6 +122,7 @@ double SearchedSurface::spacing_of(const std::optional<RegionGeometry>& area,
 }
 
 SearchedSurface SearchedSurface::of_no_area(const SurfaceMesh& mesh, double radius_m) {
+  constexpr double kNowhere_m = 1e9;
   return {mesh, SphereGeometry{.center_m = Vector3::Constant(kNowhere_m), .radius_m = 0.0},
           radius_m};
 }

@@ -78,13 +78,6 @@ class SearchedSurface {
     bool is_searched;
   };
   using Cell = std::array<std::int32_t, 3>;
-  struct CellHash {
-    std::size_t operator()(const Cell& cell) const {
-      return static_cast<std::size_t>(cell[0]) * 73856093U ^
-             static_cast<std::size_t>(cell[1]) * 19349663U ^
-             static_cast<std::size_t>(cell[2]) * 83492791U;
-    }
-  };
   [[nodiscard]] double spacing_of(const std::optional<RegionGeometry>& area, double whole_m2) const;
   void sample(std::uint32_t triangle, const Corners& piece,
               const std::optional<RegionGeometry>& area);

@@ -17,6 +17,20 @@ namespace palpate {
 
 using Corners = std::array<Vector3, 3>;
 
+[[nodiscard]] inline double area_of(const Corners& triangle) {
+  return 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
+}
+
+/// Of the indices of a cubic cell.
+struct CellHash {
+  template <class Index>
+  std::size_t operator()(const std::array<Index, 3>& cell) const {
+    return static_cast<std::size_t>(cell[0]) * 73856093U ^
+           static_cast<std::size_t>(cell[1]) * 19349663U ^
+           static_cast<std::size_t>(cell[2]) * 83492791U;
+  }
+};
+
 /// Which edge is the longest, from corner i to the next, and its squared length.
 [[nodiscard]] inline std::pair<std::size_t, double> longest_edge(const Corners& triangle) {
   std::pair<std::size_t, double> longest{0, 0.0};
@@ -49,7 +63,7 @@ class TriangleGrid {
         lowest_m = lowest_m.cwiseMin(corner);
         highest_m = highest_m.cwiseMax(corner);
       }
-      area_m2 += 0.5 * (one[1] - one[0]).cross(one[2] - one[0]).norm();
+      area_m2 += area_of(one);
     }
     const double count = std::clamp(static_cast<double>(triangles.size()), 1e3, 1e5);
     cell_m_ = std::max(std::sqrt(area_m2 / count), (highest_m - lowest_m).maxCoeff() / kMostAcross);
@@ -93,13 +107,6 @@ class TriangleGrid {
   static constexpr double kFarthestCell = 1e9;
 
   using Cell = std::array<std::int64_t, 3>;
-  struct CellHash {
-    std::size_t operator()(const Cell& cell) const {
-      return static_cast<std::size_t>(cell[0]) * 73856093U ^
-             static_cast<std::size_t>(cell[1]) * 19349663U ^
-             static_cast<std::size_t>(cell[2]) * 83492791U;
-    }
-  };
 
   [[nodiscard]] Cell cell_of(const Vector3& place_m) const {
     Cell cell{};
