@@ -27,6 +27,12 @@ class HoleLengths {
   double span_s_ = 0.0;          // of the present one
 };
 
+/// What one step of a pool has booked.
+struct Booked {
+  double elapsed_s = 0.0;   ///< 0 where it is not known what acted
+  double work_joule = 0.0;  ///< −Σ F·Δx: done by the hand against F, where the ends were read
+};
+
 /// Times that a pool relies on.
 struct LeaseTimes {
   double hold_s = 0.001;         ///< T_hold > 0: the time for which every command may act

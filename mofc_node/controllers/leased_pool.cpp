@@ -5,7 +5,8 @@
 #include <cmath>
 
 namespace palpate::controllers {
-LeasedPool::Booked LeasedPool::book(const ControlInput& input) noexcept {
+
+Booked LeasedPool::book(const ControlInput& input) noexcept {
   if (!has_started_) {
     has_started_ = true;
     ledger_.restart(input.hand_position_m);

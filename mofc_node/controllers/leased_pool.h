@@ -57,11 +57,6 @@ class LeasedPool {
     has_ended_unread_ = false;
   }
 
-  /// What one step has booked.
-  struct Booked {
-    double elapsed_s = 0.0;   ///< 0 where it is not known what acted
-    double work_joule = 0.0;  ///< −Σ F·Δx: done by the hand against F, where the ends were read
-  };
   /// Books what acted since the previous step. After a gap no credit is left, a debt stays.
   Booked book(const ControlInput& input) noexcept;
 

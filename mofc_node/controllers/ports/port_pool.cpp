@@ -134,7 +134,7 @@ double PortLedger::dissipated_joule() const noexcept {
 
 // --- pool ---------------------------------------------------------------------------------------
 
-PortPool::Booked PortPool::book(const PortInput& input) noexcept {
+Booked PortPool::book(const PortInput& input) noexcept {
   if (!has_started_) {
     has_started_ = true;
     ledger_.restart(input.position);

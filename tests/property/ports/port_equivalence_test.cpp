@@ -204,7 +204,7 @@ struct Pool {
     for (std::size_t i = 0; i < 3; ++i) x[i] += moved[i];
     return {.duration_s = 10e-3, .effort_on_hand = effort, .position_at_end = x};
   }
-  PortPool::Booked step(std::span<const PortStretch> applied, bool has_gap = false) {
+  Booked step(std::span<const PortStretch> applied, bool has_gap = false) {
     PortInput input;
     input.position = x;
     input.applied = applied;
@@ -225,7 +225,7 @@ TEST(PortPool, BooksEffortsThatChangedUnreadWithAllThatTheyCanHaveDrawn) {
   applied[0].has_position_at_end = applied[1].has_position_at_end = false;
   applied[0].duration_s = 1e-3;
   applied[1].duration_s = 2e-3;
-  const PortPool::Booked booked = p.step(applied);
+  const Booked booked = p.step(applied);
   EXPECT_NEAR(booked.elapsed_s, 13e-3, 1e-15);
   EXPECT_EQ(booked.work_joule, 0.0);
   const double drawn =
