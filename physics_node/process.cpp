@@ -35,6 +35,7 @@ class Control {
   /// On the publisher's thread.
   void pump(SceneDisplay& display, TimePoint now) {
     changes_.receive([&](const TissueChange& change) {
+      if (change.restores) return;  // the display sees the body that is shown
       display.set_material(change.tissue, change.stiffness_newton_per_m,
                            change.damping_newton_s_per_m);
       log_.info(
@@ -46,9 +47,14 @@ class Control {
     refused_.note(now);
   }
   /// On the thread of the steps, between two of them. Real-time safe.
-  void apply(Scene& scene, const std::vector<SceneEngine*>& engines) noexcept {
+  void apply(Scene& scene, ElasticTissues* elastic,
+             const std::vector<SceneEngine*>& engines) noexcept {
     TissueChange change;
     while (changes_.next(change)) {
+      if (change.restores) {
+        if (elastic != nullptr) elastic->restore(change.tissue);
+        continue;
+      }
       scene.set_material(change.tissue, change.stiffness_newton_per_m,
                          change.damping_newton_s_per_m);
       for (SceneEngine* engine : engines) engine->note_changed(change.tissue);
@@ -120,7 +126,7 @@ void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
   if (may_change_tissue(session)) {
     control.emplace(session, context, links.side);
     program.on_pump = [&](TimePoint now) { control->pump(*display, now); };
-    program.before_step = [&] { control->apply(*scene, engines); };
+    program.before_step = [&] { control->apply(*scene, elastic.get(), engines); };
     program.count_into = [&](PhysicsCounters& counts) { control->count_into(counts); };
   }
   run_process(context, links, program);

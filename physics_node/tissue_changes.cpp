@@ -17,6 +17,7 @@ TissueChanges::TissueChanges(const SceneConfig& scene, Source<TissueChange>& sou
     is_changeable_.push_back(material != nullptr &&
                              material->stiffness_newton_per_m + material->damping_newton_s_per_m >
                                  0.0);
+    is_restorable_.push_back(is_restorable(scene, tissue));
   }
 }
 
@@ -24,7 +25,8 @@ void TissueChanges::receive(const std::function<void(const TissueChange&)>& on_a
   TissueChange change;
   TimePoint received_at;
   while (source_.receive(change, received_at)) {
-    const bool is_possible = change.tissue < is_changeable_.size() && is_changeable_[change.tissue];
+    const std::vector<bool>& is_able = change.restores ? is_restorable_ : is_changeable_;
+    const bool is_possible = change.tissue < is_able.size() && is_able[change.tissue];
     if (!is_possible || !accepted_.push(change)) {
       ++refused_;
       continue;

@@ -26,7 +26,8 @@ class TissueChanges {
   TissueChanges(const SceneConfig& scene, Source<TissueChange>& source);
 
   /// Takes the changes that have arrived. The codec has checked the constants; a tissue that the
-  /// scene does not have, or that had neither stiffness nor damping, is refused.
+  /// scene does not have, that had neither stiffness nor damping, or that is to be restored and
+  /// cannot be ablated, is refused.
   /// @param on_accepted  called for each accepted change
   void receive(const std::function<void(const TissueChange&)>& on_accepted);
 
@@ -39,6 +40,7 @@ class TissueChanges {
  private:
   Source<TissueChange>& source_;
   std::vector<bool> is_changeable_;  // by tissue
+  std::vector<bool> is_restorable_;
   SpscRing<TissueChange> accepted_;
   std::uint64_t changes_ = 0;
   std::uint64_t refused_ = 0;

@@ -47,6 +47,7 @@ struct TissueSurface {
   std::vector<float> vertex_stiffness_newton_per_m;  ///< per vertex; empty: uniform
   double stiffness_newton_per_m = 0.0;               ///< k; 0 if the material has none
   double damping_newton_s_per_m = 0.0;               ///< b; 0 if the material has none
+  bool is_restorable = false;                        ///< TissueChange::restores is accepted
 };
 
 /// A box with the axes of W.
@@ -97,12 +98,13 @@ struct HandTarget {
   std::uint32_t buttons = 0;                  ///< bit i: button i is held
 };
 
-/// Hop 8: other material constants for a tissue.
+/// Hop 8: other material constants for a tissue, or all of an elastic body again.
 struct TissueChange {
   Header header;                        ///< viewer_node's
   std::uint32_t tissue = 0;             ///< index in SceneState::tissues
   double stiffness_newton_per_m = 0.0;  ///< k ≥ 0; with b not both 0
   double damping_newton_s_per_m = 0.0;  ///< b ≥ 0
+  bool restores = false;                ///< what was ablated; then k and b are 0
 };
 
 }  // namespace palpate

@@ -125,6 +125,11 @@ struct SceneConfig {
   [[nodiscard]] ToolShape tool() const { return {tip_radius_m, shaft_length_m, shaft_radius_m}; }
 };
 
+/// What an electrode has ablated of it can come back.
+[[nodiscard]] inline bool is_restorable(const SceneConfig& scene, const TissueConfig& tissue) {
+  return scene.electrode && std::holds_alternative<ElasticMaterial>(tissue.material);
+}
+
 /// Thins hop 3: an Interaction is sent when the receiver's force is off, or after `keep_alive`.
 struct InteractionDeadband {
   double ratio = 0.05;         ///< k of the force

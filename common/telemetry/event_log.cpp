@@ -173,7 +173,8 @@ EventLog<PhysicsCounters>::EventLog(spdlog::logger& log)
       tissue_changes_refused_(log, spdlog::level::warn, "tissue_change_refused"),
       removed_(log, spdlog::level::info, "tissue_ablated"),
       loose_(log, spdlog::level::warn, "tissue_cut_off"),
-      refused_(log, spdlog::level::warn, "ablation_refused") {}
+      refused_(log, spdlog::level::warn, "ablation_refused"),
+      restored_(log, spdlog::level::info, "tissue_restored") {}
 
 void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint now) {
   tool_motion_.note(counters.tool_motion, now);
@@ -182,6 +183,7 @@ void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint 
   removed_.note(counters.elastic_elements_removed, now);
   loose_.note(counters.elastic_elements_loose, now);
   refused_.note(counters.elastic_bodies_refused, now);
+  restored_.note(counters.elastic_bodies_restored, now);
 }
 
 }  // namespace palpate

@@ -126,6 +126,7 @@ class EventLog<PhysicsCounters> {
   GrowthEvent removed_;
   GrowthEvent loose_;
   GrowthEvent refused_;
+  GrowthEvent restored_;
 };
 
 }  // namespace palpate

@@ -69,6 +69,7 @@ struct PhysicsCounters {
   std::uint64_t elastic_elements_removed = 0;     ///< have vanished; all tools,
   std::uint64_t elastic_elements_loose = 0;       ///< of these no longer held by the rest
   std::uint64_t elastic_bodies_refused = 0;       ///< could not be remade; what was there went on
+  std::uint64_t elastic_bodies_restored = 0;      ///< made whole again at a viewer's request
   Duration worst_compute_time{};
 };
 

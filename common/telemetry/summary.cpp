@@ -260,7 +260,8 @@ nlohmann::ordered_json elastic_json(const PhysicsCounters& physics) {
           {"bodies_remade", physics.elastic_bodies_remade},
           {"bodies_refused", physics.elastic_bodies_refused},
           {"elements_removed", physics.elastic_elements_removed},
-          {"elements_loose", physics.elastic_elements_loose}};
+          {"elements_loose", physics.elastic_elements_loose},
+          {"bodies_restored", physics.elastic_bodies_restored}};
 }
 
 std::string elastic_text(const PhysicsCounters& physics) {
@@ -279,6 +280,9 @@ std::string elastic_text(const PhysicsCounters& physics) {
                         physics.elastic_bodies_remade);
     if (physics.elastic_bodies_refused > 0) {
       text += fmt::format(" ({} more could not be made)", physics.elastic_bodies_refused);
+    }
+    if (physics.elastic_bodies_restored > 0) {
+      text += fmt::format(", restored {} times", physics.elastic_bodies_restored);
     }
   }
   const auto newton = [](double value) {

@@ -66,6 +66,7 @@ void SceneDisplay::build() {
     TissueSurface& surface = scene_.tissues.emplace_back();
     surface.name = tissue.name;
     surface.shape = shape_of(tissue.geometry);
+    surface.is_restorable = scene_.accepts_changes && is_restorable(session_.scene, tissue);
     surface.mesh = bodies_[i] ? display_mesh(*bodies_[i]) : display_mesh(shape, area);
     std::optional<DentedSurface>& dent = dents_.emplace_back();
     const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);

@@ -36,6 +36,9 @@ class ElasticSimulation {
   ElasticSimulation(const ElasticBody& body, std::size_t tools, double tip_radius_m, double step_s,
                     bool is_folded = false);
 
+  /// Begins anew, untouched and at rest; only the counts of the other one go on.
+  ElasticSimulation(const ElasticBody& body, const ElasticSimulation& before, bool is_folded);
+
   /// Goes on as another one, of a body of which something has vanished since: the rest is where it
   /// was, moves as it did, and is held and touched as it was; @see AblatedBody.
   ElasticSimulation(const ElasticBody& body, const ElasticSimulation& before,

@@ -102,6 +102,10 @@ class ElasticTissue {
     return tools_[tool]->bound_newton;
   }
 
+  /// With the next full solution the body is again as in the session, untouched and at rest.
+  /// @pre  an electrode
+  void restore() noexcept { is_restore_due_ = true; }
+
   // --- the slow thread ---
 
   /// One full solution for where the tools are now. What the tools' steps may use of it is kept
@@ -277,6 +281,7 @@ class ElasticTissue {
   bool is_folded_;
   std::optional<GripperConfig> gripper_;
   std::unique_ptr<Ablation> ablation_;  // null: no electrode
+  std::atomic<bool> is_restore_due_ = false;
   bool is_body_new_ = false;            // not published yet
   std::unique_ptr<ElasticSimulation> simulation_;
   std::vector<std::unique_ptr<Tool>> tools_;

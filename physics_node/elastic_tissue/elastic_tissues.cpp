@@ -122,6 +122,12 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
   counts.without_bound += std::isnan(bound_newton) ? 1U : 0U;
 }
 
+void ElasticTissues::restore(std::uint32_t tissue) noexcept {
+  for (auto& one : tissues_) {
+    if (one->body().tissue == tissue) one->restore();
+  }
+}
+
 void ElasticTissues::close(std::size_t tool, const JawInput& jaw) noexcept {
   Closing& closing = closings_[tool];
   if (jaw.is_closed && !closing.is_closed) {
@@ -164,6 +170,7 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
   counters.elastic_points_held = 0;
   counters.elastic_bodies_remade = counters.elastic_bodies_refused = 0;
   counters.elastic_elements_removed = counters.elastic_elements_loose = 0;
+  counters.elastic_bodies_restored = 0;
   counters.elastic_residual_ratio = 0.0;
   counters.elastic_error_newton = kUnknownNewton;
   for (const auto& tissue : tissues_) {
@@ -179,6 +186,7 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
     counters.elastic_bodies_refused += figures.ablation.refused;
     counters.elastic_elements_removed += figures.ablation.removed;
     counters.elastic_elements_loose += figures.ablation.loose;
+    counters.elastic_bodies_restored += figures.ablation.restored;
     counters.elastic_bounds_checked += figures.bounds_checked;
     counters.elastic_bound_violations += figures.bound_violations;
     counters.elastic_residual_ratio =

@@ -71,6 +71,9 @@ class ElasticTissues {
   void step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m, SceneForce& sum,
             const JawInput& jaw = {}, bool is_energised = false) noexcept;
   [[nodiscard]] const std::optional<GripperConfig>& gripper() const noexcept { return gripper_; }
+  /// An elastic tissue of the scene is again as in the session, from its next full solution on.
+  /// @pre  an electrode
+  void restore(std::uint32_t tissue) noexcept;
   [[nodiscard]] const std::optional<ElectrodeConfig>& electrode() const noexcept {
     return electrode_;
   }

@@ -386,6 +386,7 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_elements_removed = random.bits();
   c.elastic_elements_loose = random.bits();
   c.elastic_bodies_refused = random.bits();
+  c.elastic_bodies_restored = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -428,6 +429,7 @@ inline void randomise(TissueSurface& t, Random& random) {
   }
   t.stiffness_newton_per_m = random.uniform(0.0, 1e4);
   t.damping_newton_s_per_m = random.uniform(0.0, 1e3);
+  t.is_restorable = random.chance(0.5);
 }
 
 inline void randomise(SceneState& m, Random& random) {
@@ -519,8 +521,9 @@ inline void randomise(RunRequest& m, Random& random) {
 inline void randomise(TissueChange& m, Random& random) {
   m.header = random_header(random);
   m.tissue = static_cast<std::uint32_t>(random.bits());
-  m.stiffness_newton_per_m = random.uniform(1.0, 1e6);
-  m.damping_newton_s_per_m = random.uniform(0.0, 1e4);
+  m.restores = random.chance(0.5);
+  m.stiffness_newton_per_m = m.restores ? 0.0 : random.uniform(1.0, 1e6);
+  m.damping_newton_s_per_m = m.restores ? 0.0 : random.uniform(0.0, 1e4);
 }
 
 inline void randomise(Acknowledgement& m, Random& random) {
@@ -854,6 +857,7 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.elastic_elements_removed == b.elastic_elements_removed &&
          a.elastic_elements_loose == b.elastic_elements_loose &&
          a.elastic_bodies_refused == b.elastic_bodies_refused &&
+         a.elastic_bodies_restored == b.elastic_bodies_restored &&
          a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {

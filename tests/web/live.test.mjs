@@ -177,6 +177,23 @@ test_alone("a page changes the stiffness of the tissue that is pressed", {}, asy
   assert.deepEqual(page.problems, []);
 });
 
+test_alone("a page restores what an electrode has ablated", {}, async () => {
+  const whole = 13 * 13 * 7 - 11 * 11 * 5; // nodes on the surface of 12 x 12 x 6 cells
+  nodes = await Nodes.start(["viewer.control=true", "hand.press[0].until_s=5"], "resection");
+  const page = await open(browser, nodes.url, kSmall);
+  const vertices = (t) => t.scene.tissues[0].vertices;
+  await until(page, (t) => vertices(t) !== whole && t.scene.revision > 1, "an ablation");
+  const restored = (t) => t.events.some(({ text }) => text === "tissue restored");
+  // the scripted hand may go on for a while
+  let clicks = 0;
+  await until(page, (t) => {
+    if (restored(t) && vertices(t) === whole) return true;
+    if (clicks++ % 20 === 0) page.getByRole("button", { name: "Restore block" }).click().catch(() => {});
+    return false;
+  }, "the whole body");
+  assert.deepEqual(page.problems, []);
+});
+
 test_alone("a replay is led from the page, and nobody can touch it", {}, async () => {
   nodes = await Nodes.replay("default", 6);
   const page = await open(browser, nodes.url, kSmall);

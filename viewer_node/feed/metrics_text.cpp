@@ -270,7 +270,8 @@ void add_physics(Page& page, const PhysicsCounters& c) {
                {{"", c.elastic_energised_steps}});
   page.counter("physics_elastic_bodies_remade", "Elastic bodies replaced after an ablation.",
                {{label("result", "made"), c.elastic_bodies_remade},
-                {label("result", "refused"), c.elastic_bodies_refused}});
+                {label("result", "refused"), c.elastic_bodies_refused},
+                {label("result", "restored"), c.elastic_bodies_restored}});
   page.counter("physics_elastic_elements_removed", "Elements that vanished from elastic bodies.",
                {{label("cause", "ablated"), c.elastic_elements_removed - c.elastic_elements_loose},
                 {label("cause", "loose"), c.elastic_elements_loose}});

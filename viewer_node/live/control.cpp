@@ -37,8 +37,10 @@ void WebControl::change(std::uint64_t client, const std::string& payload, TimePo
   if (!changes_) return;
   auto change = decode_page_change(payload);
   if (!change) {
-    complain(client,
-             "not a valid palpate.v1.TissueChange: stiffness 0 … 1e6 N/m, damping 0 … 1e4 N·s/m");
+    complain(
+        client,
+        "not a valid palpate.v1.TissueChange: stiffness 0 … 1e6 N/m, damping 0 … 1e4 N·s/m, or "
+        "restores");
   } else if (!send(*change, *changes_, now)) {
     complain(client, "no physics_node to change the tissue");
   }

@@ -73,6 +73,7 @@ void put_tissue(const TissueSurface& surface, v1::TissueSurface& to) {
   put_packed(surface.vertex_stiffness_newton_per_m, *to.mutable_vertex_stiffness_newton_per_m());
   to.set_stiffness_newton_per_m(surface.stiffness_newton_per_m);
   to.set_damping_newton_s_per_m(surface.damping_newton_s_per_m);
+  to.set_is_restorable(surface.is_restorable);
 }
 void check_tissue(const v1::TissueSurface& surface, Verdict& verdict) {
   check_vertices(surface.vertices_m(), verdict);
@@ -101,6 +102,7 @@ void read_tissue(const v1::TissueSurface& wire, TissueSurface& surface) {
   read_packed(wire.vertex_stiffness_newton_per_m(), surface.vertex_stiffness_newton_per_m);
   surface.stiffness_newton_per_m = wire.stiffness_newton_per_m();
   surface.damping_newton_s_per_m = wire.damping_newton_s_per_m();
+  surface.is_restorable = wire.is_restorable();
 }
 
 }  // namespace

@@ -215,6 +215,7 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_elastic_elements_removed(c.elastic_elements_removed);
   to.set_elastic_elements_loose(c.elastic_elements_loose);
   to.set_elastic_bodies_refused(c.elastic_bodies_refused);
+  to.set_elastic_bodies_restored(c.elastic_bodies_restored);
   to.set_elastic_solves_repaired(c.elastic_solves_repaired);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
@@ -265,6 +266,7 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
       .elastic_elements_removed = c.elastic_elements_removed(),
       .elastic_elements_loose = c.elastic_elements_loose(),
       .elastic_bodies_refused = c.elastic_bodies_refused(),
+      .elastic_bodies_restored = c.elastic_bodies_restored(),
       .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

@@ -37,6 +37,7 @@ void Ablation::continue_as(const Ablation& other) {
   is_ordered_ = other.is_ordered_;
   next_ = other.next_;
   clock_s_ = other.clock_s_;
+  is_order_void_ = other.is_order_void_;
   ready_s_ = other.ready_s_;
   figures_ = other.figures_;
 }
@@ -103,6 +104,7 @@ Ablation::Made Ablation::received() {
   }
   is_ordered_ = false;
   Made made = std::exchange(next_, nullptr);
+  if (std::exchange(is_order_void_, false)) return nullptr;
   if (made == nullptr) {
     ++figures_.refused;
     return nullptr;
@@ -120,6 +122,16 @@ std::shared_ptr<const AblatedBody> Ablation::advance(double step_s, const elasti
   // the order that follows a change waits for the state of the new body
   if (made == nullptr && is_changed_ && !is_ordered_) order(x_m);
   return made;
+}
+
+std::shared_ptr<const AblatedBody> Ablation::restore() {
+  std::fill(doses_.begin(), doses_.end(), 0.0);
+  std::fill(stages_.begin(), stages_.end(), 0);
+  is_changed_ = false;
+  is_order_void_ = is_ordered_;
+  ++figures_.restored;
+  present_ = whole_;
+  return present_;
 }
 
 }  // namespace palpate::physics

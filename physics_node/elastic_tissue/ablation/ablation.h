@@ -18,6 +18,7 @@ struct AblationFigures {
   std::uint64_t removed = 0;  ///< elements that are gone
   std::uint64_t loose = 0;    ///< of these: that nothing held any more
   std::uint64_t refused = 0;  ///< bodies that could not be made: the one before goes on
+  std::uint64_t restored = 0;
 };
 
 /// The doses of the elements, and the body that is left. Whenever elements have changed their stage
@@ -49,6 +50,9 @@ class Ablation {
   [[nodiscard]] std::shared_ptr<const AblatedBody> advance(double step_s,
                                                            const elastic::VectorXd& x_m);
 
+  /// Nothing has been heated. @return the body of the session, from now on the present one
+  [[nodiscard]] std::shared_ptr<const AblatedBody> restore();
+
   [[nodiscard]] const AblatedBody& present() const noexcept { return *present_; }
   /// Energy per mass that an element of the session's body has taken up, over what makes it
   /// vanish.
@@ -70,6 +74,7 @@ class Ablation {
   std::vector<Vector3> heated_m_;     // where each tool was energised last
   bool is_changed_ = false;           // a stage, since the last order
   bool is_ordered_ = false;
+  bool is_order_void_ = false;  // restored since: it will not be used
   std::future<Made> under_way_;  // in the background
   Made next_;                    // else; null: it could not be made
   double clock_s_ = 0.0;

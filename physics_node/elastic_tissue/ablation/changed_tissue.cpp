@@ -25,13 +25,18 @@ void ElasticTissue::heat() {
   figures_.ablation = ablation_->figures();
 }
 
-/// Before a full solution: of the next body, if it is ready. The state goes on; what the steps of
-/// the tools have of the body before, they use until publish().
+/// Before a full solution: of the next body, if it is ready. The state goes on, or begins anew if
+/// it is whole again; what the steps of the tools have of the body before, they use until
+/// publish().
 void ElasticTissue::change_body(double step_s) {
-  const std::shared_ptr<const AblatedBody> next = ablation_->advance(step_s, simulation_->x_m());
+  const bool is_whole = is_restore_due_.exchange(false);
+  const std::shared_ptr<const AblatedBody> next =
+      is_whole ? ablation_->restore() : ablation_->advance(step_s, simulation_->x_m());
   if (next == nullptr) return;
-  simulation_ =
-      std::make_unique<ElasticSimulation>(*next->body(), *simulation_, next->change, is_folded_);
+  simulation_ = is_whole
+                    ? std::make_unique<ElasticSimulation>(*next->body(), *simulation_, is_folded_)
+                    : std::make_unique<ElasticSimulation>(*next->body(), *simulation_, next->change,
+                                                          is_folded_);
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     Tool& tool = *tools_[i];
     tool.last.reset();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An elastic body in motion of which something has vanished: the rest moves on.
+// An elastic body in motion of which something has vanished: the rest moves on. Or all of it is
+// back: it begins anew.
 #include <algorithm>
 
 #include "physics_node/elastic_tissue/ablation/ablated_body.h"
@@ -8,12 +9,17 @@
 namespace palpate::physics {
 
 ElasticSimulation::ElasticSimulation(const ElasticBody& body, const ElasticSimulation& before,
-                                     const BodyChange& change, bool is_folded)
+                                     bool is_folded)
     : ElasticSimulation(body, before.touches_.size(), before.tip_radius_m_, before.step_s_,
                         is_folded) {
   failed_steps_ = before.failed_steps_;
   repaired_steps_ = before.repaired_steps_;
   appeared_ = before.appeared_;
+}
+
+ElasticSimulation::ElasticSimulation(const ElasticBody& body, const ElasticSimulation& before,
+                                     const BodyChange& change, bool is_folded)
+    : ElasticSimulation(body, before, is_folded) {
   elastic::VectorXd x_m(body.start_m.size());
   elastic::VectorXd v_m_per_s(body.start_m.size());
   for (std::size_t i = 0; i < change.old_nodes.size(); ++i) {

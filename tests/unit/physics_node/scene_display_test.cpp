@@ -579,6 +579,15 @@ TEST_F(SceneDisplayTest, SendsTheSurfaceOfAnAblatedBodyAsANewRevision) {
   publish(-0.01, 33ms);
   EXPECT_EQ(scenes_.messages.back().revision, newest.revision);
   EXPECT_EQ(scenes_.messages.back().tissues[0].mesh.triangles, newest.tissues[0].mesh.triangles);
+
+  elastic->restore(0);
+  for (int tick = 1500; tick < 1800; ++tick) {
+    SceneForce force;
+    elastic->step(0, Vector3(0, 0, 0.003), 1e-3 * tick, 0.05, force);
+    if (tick % 33 == 0) publish(-0.01, 33ms);
+  }
+  EXPECT_EQ(scenes_.messages.back().tissues[0].mesh.vertices_m,
+            scenes_.messages.front().tissues[0].mesh.vertices_m);
 }
 
 }  // namespace

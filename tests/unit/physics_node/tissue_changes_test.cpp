@@ -65,6 +65,30 @@ TEST(TissueChanges, RefusesAndCountsTissuesThatCannotBeChanged) {
   EXPECT_EQ(counters.tissue_changes_refused, 2u);
 }
 
+TEST(TissueChanges, OnlyWhatCanBeAblatedIsRestored) {
+  ManualClock clock;
+  MemoryLink<TissueChange> link(clock);
+  SceneConfig scene = floor_and_ghost();
+  scene.tissues.push_back({.name = "body", .material = ElasticMaterial{}});
+  TissueChanges without_electrode(scene, link);
+  scene.electrode = ElectrodeConfig{};
+  TissueChanges changes(scene, link);
+  TissueChange change;
+  change.restores = true;
+  std::vector<std::uint32_t> accepted;
+  const auto note = [&](const TissueChange& one) { accepted.push_back(one.tissue); };
+  for (change.tissue = 0; change.tissue < 4; ++change.tissue) link.send(change);
+  without_electrode.receive(note);
+  EXPECT_TRUE(accepted.empty());
+  for (change.tissue = 0; change.tissue < 4; ++change.tissue) link.send(change);
+  link.send(change_of(2, 800.0, 2.0));  // its stiffness is not to be changed
+  changes.receive(note);
+  EXPECT_EQ(accepted, std::vector<std::uint32_t>{2});
+  TissueChange next;
+  ASSERT_TRUE(changes.next(next));
+  EXPECT_TRUE(next.restores);
+}
+
 // 10 mm deep: 5 N at 500 N/m, 8 N at 800 N/m; with 3 N·s/m at 0.1 m/s inward 0.3 N more.
 TEST(TissueChanges, TheForceFollowsFromTheNextStepOnWithoutAllocation) {
   Scene scene(floor_and_ghost());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// control.ts: stiffness and damping of the tissues, changed while the session runs. The page only
-// proposes; physics_node checks, and the scene shows what it applied.
+// control.ts: stiffness and damping of the tissues, changed while the session runs, and ablated tissue
+// restored. The page only proposes; physics_node checks, and the scene shows what it applied.
 import { make, write } from "./card";
 import type { SessionEvent } from "./events";
 import type { SceneState } from "./wire";
@@ -15,6 +15,7 @@ export interface TissueChange {
   tissue: number;
   stiffnessNewtonPerM: number;
   dampingNewtonSPerM: number;
+  restores?: boolean;
 }
 
 interface Row {
@@ -34,6 +35,7 @@ export class TissueControl {
   private rows = new Map<number, Row>(); // by tissue
   private names = "";
   private initial = new Map<number, TissueChange>();
+  private restored: HTMLElement[] = []; // what became of the last request
 
   constructor(parent: HTMLElement, private readonly publish: (change: TissueChange) => boolean) {
     this.card.id = "control";
@@ -68,6 +70,7 @@ export class TissueControl {
 
   /** physics_node says that it refused a change. */
   take({ name }: SessionEvent): void {
+    if (name === "tissue_restored") this.restored.forEach((note) => write(note, ""));
     if (name !== "tissue_change_refused") return;
     for (const row of this.rows.values()) {
       if (!row.sent) continue;
@@ -80,8 +83,10 @@ export class TissueControl {
     for (const row of this.rows.values()) clearTimeout(row.due);
     this.rows = new Map();
     this.initial = new Map();
+    this.restored = [];
     this.body.replaceChildren();
-    scene.tissues.forEach(({ name, stiffnessNewtonPerM, dampingNewtonSPerM }, tissue) => {
+    scene.tissues.forEach(({ name, stiffnessNewtonPerM, dampingNewtonSPerM, isRestorable }, tissue) => {
+      if (isRestorable) this.build_restore(name, tissue);
       if (stiffnessNewtonPerM + dampingNewtonSPerM === 0) return; // no material
       this.initial.set(tissue, { tissue, stiffnessNewtonPerM, dampingNewtonSPerM });
       const input = (type: string, label: string, most: number) => {
@@ -114,6 +119,25 @@ export class TissueControl {
       this.rows.set(tissue, row);
       this.body.append(line);
     });
+  }
+
+  private build_restore(name: string, tissue: number): void {
+    const button = make("button", "button", "Restore");
+    button.type = "button";
+    button.title = "The whole body, as at the start of the session";
+    button.setAttribute("aria-label", `Restore ${name}`);
+    const note = make("small");
+    note.setAttribute("role", "status");
+    button.addEventListener("click", () => {
+      const is_sent = this.publish({ tissue, stiffnessNewtonPerM: 0, dampingNewtonSPerM: 0, restores: true });
+      write(note, is_sent ? "sent" : "not connected");
+    });
+    const label = make("span", "name", name);
+    label.title = name;
+    const line = make("div", "tissue-row");
+    line.append(label, button, note);
+    this.restored.push(note);
+    this.body.append(line);
   }
 
   private show(row: Row, { stiffnessNewtonPerM, dampingNewtonSPerM }: TissueChange): void {

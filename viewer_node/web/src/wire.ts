@@ -138,6 +138,7 @@ export interface TissueSurface {
   vertexStiffnessNewtonPerM: Uint8Array;
   stiffnessNewtonPerM: number;
   dampingNewtonSPerM: number;
+  isRestorable: boolean;
 }
 export interface SceneState {
   header: Header;
