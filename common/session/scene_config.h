@@ -2,6 +2,7 @@
 // scene_config.h — tissues, tool and the settings of the physics.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -56,6 +57,7 @@ struct ElasticMaterial {
   struct Attached {
     RegionGeometry where{};  ///< faces whose centroid lies there
     double stiffness_pa_per_m = 0.0;
+    double toughness_joule_per_m2 = 0.0;  ///< 0: they do not tear
   };
   /// One spring and dashpot in series of the relaxing part of the modulus (Prony).
   struct Branch {
@@ -125,9 +127,18 @@ struct SceneConfig {
   [[nodiscard]] ToolShape tool() const { return {tip_radius_m, shaft_length_m, shaft_radius_m}; }
 };
 
-/// What an electrode has ablated of it can come back.
+/// Some of what holds it may tear.
+[[nodiscard]] inline bool can_tear(const TissueConfig& tissue) {
+  const auto* const elastic = std::get_if<ElasticMaterial>(&tissue.material);
+  return elastic != nullptr &&
+         std::any_of(elastic->attached.begin(), elastic->attached.end(),
+                     [](const auto& one) { return one.toughness_joule_per_m2 > 0.0; });
+}
+
+/// What has been ablated or torn can come back.
 [[nodiscard]] inline bool is_restorable(const SceneConfig& scene, const TissueConfig& tissue) {
-  return scene.electrode && std::holds_alternative<ElasticMaterial>(tissue.material);
+  return can_tear(tissue) ||
+         (scene.electrode && std::holds_alternative<ElasticMaterial>(tissue.material));
 }
 
 /// Thins hop 3: an Interaction is sent when the receiver's force is off, or after `keep_alive`.

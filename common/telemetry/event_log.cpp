@@ -174,7 +174,8 @@ EventLog<PhysicsCounters>::EventLog(spdlog::logger& log)
       removed_(log, spdlog::level::info, "tissue_ablated"),
       loose_(log, spdlog::level::warn, "tissue_cut_off"),
       refused_(log, spdlog::level::warn, "ablation_refused"),
-      restored_(log, spdlog::level::info, "tissue_restored") {}
+      restored_(log, spdlog::level::info, "tissue_restored"),
+      torn_(log, spdlog::level::info, "attachment_torn") {}
 
 void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint now) {
   tool_motion_.note(counters.tool_motion, now);
@@ -184,6 +185,7 @@ void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint 
   loose_.note(counters.elastic_elements_loose, now);
   refused_.note(counters.elastic_bodies_refused, now);
   restored_.note(counters.elastic_bodies_restored, now);
+  torn_.note(counters.elastic_attachments_torn, now);
 }
 
 }  // namespace palpate

@@ -127,6 +127,7 @@ class EventLog<PhysicsCounters> {
   GrowthEvent loose_;
   GrowthEvent refused_;
   GrowthEvent restored_;
+  GrowthEvent torn_;
 };
 
 }  // namespace palpate

@@ -70,6 +70,8 @@ struct PhysicsCounters {
   std::uint64_t elastic_elements_loose = 0;       ///< of these no longer held by the rest
   std::uint64_t elastic_bodies_refused = 0;       ///< could not be remade; what was there went on
   std::uint64_t elastic_bodies_restored = 0;      ///< made whole again at a viewer's request
+  std::uint64_t elastic_attachments_torn = 0;     ///< nodes torn off what they were attached to
+  double elastic_torn_joule = 0.0;                ///< what tearing has taken
   Duration worst_compute_time{};
 };
 

@@ -261,7 +261,9 @@ nlohmann::ordered_json elastic_json(const PhysicsCounters& physics) {
           {"bodies_refused", physics.elastic_bodies_refused},
           {"elements_removed", physics.elastic_elements_removed},
           {"elements_loose", physics.elastic_elements_loose},
-          {"bodies_restored", physics.elastic_bodies_restored}};
+          {"bodies_restored", physics.elastic_bodies_restored},
+          {"attachments_torn", physics.elastic_attachments_torn},
+          {"torn_joule", physics.elastic_torn_joule}};
 }
 
 std::string elastic_text(const PhysicsCounters& physics) {
@@ -281,9 +283,13 @@ std::string elastic_text(const PhysicsCounters& physics) {
     if (physics.elastic_bodies_refused > 0) {
       text += fmt::format(" ({} more could not be made)", physics.elastic_bodies_refused);
     }
-    if (physics.elastic_bodies_restored > 0) {
-      text += fmt::format(", restored {} times", physics.elastic_bodies_restored);
-    }
+  }
+  if (physics.elastic_torn_joule > 0.0) {
+    text += fmt::format("; tore {} points off with {:.2g} mJ", physics.elastic_attachments_torn,
+                        1e3 * physics.elastic_torn_joule);
+  }
+  if (physics.elastic_bodies_restored > 0) {
+    text += fmt::format("; restored {} times", physics.elastic_bodies_restored);
   }
   const auto newton = [](double value) {
     return std::isnan(value) ? std::string("unknown") : fmt::format("{:.2g} N", value);

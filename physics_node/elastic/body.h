@@ -21,6 +21,13 @@ using Eigen::VectorXd;
 struct Attachment {
   std::uint32_t node = 0;
   double stiffness_newton_per_m = 0.0;
+  // of one that tears @see Tearing
+  double intact_newton_per_m = 0.0;      ///< k; 0: it does not tear
+  double softens_at_m = 0.0;             ///< δ₀
+  Vector3d outward = Vector3d::UnitZ();  ///< of the body, towards what it is attached to
+  std::uint32_t index = 0;               ///< ascending; the same in all bodies made of one
+
+  [[nodiscard]] bool tears() const noexcept { return intact_newton_per_m > 0.0; }
 };
 
 struct BodyDescription {

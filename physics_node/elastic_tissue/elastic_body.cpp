@@ -7,12 +7,15 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
+#include <map>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 #include <variant>
 
 #include "common/core/check.h"
+#include "physics_node/elastic/attached/tearing.h"
 #include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic/support.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
@@ -175,23 +178,45 @@ std::vector<std::string> hold(const TetrahedralMesh& read, const ElasticMaterial
   // which is exact for linear displacements
   const std::size_t first = mesh.nodes_per_element == 4 ? 0 : 3;
   std::vector<double> of_nodes(mesh.nodes_m.size(), 0.0);  // N/m
+  std::vector<elastic::Attachment> tearing;
   for (std::size_t i = 0; i < material.attached.size(); ++i) {
     const MeshPlace place(material.attached[i].where, read, mesh);
+    const double k_pa_per_m = material.attached[i].stiffness_pa_per_m;
+    const double toughness = material.attached[i].toughness_joule_per_m2;
+    struct Patch {
+      double area_m2 = 0.0;
+      Vector3 normal_m2 = Vector3::Zero();
+    };
+    std::map<std::uint32_t, Patch> patches;  // of what tears, by node
     bool has_face = false;
     bool has_free_node = false;
     for (const elastic::Face& face : faces) {
       if (!place.has_face(face)) continue;
       has_face = true;
       const Vector3& corner_m = mesh.nodes_m[face.nodes[0]];
-      const double area_m2 = 0.5 * (mesh.nodes_m[face.nodes[1]] - corner_m)
-                                       .cross(mesh.nodes_m[face.nodes[2]] - corner_m)
-                                       .norm();
+      const Vector3 area_m2 =
+          0.5 *
+          (mesh.nodes_m[face.nodes[1]] - corner_m).cross(mesh.nodes_m[face.nodes[2]] - corner_m);
       for (std::size_t k = first; k < first + 3; ++k) {
         const std::uint32_t node = face.nodes[k];
         if (is_fixed[node]) continue;
         has_free_node = true;
-        of_nodes[node] += material.attached[i].stiffness_pa_per_m * area_m2 / 3.0;
+        if (toughness > 0.0) {
+          patches[node].area_m2 += area_m2.norm() / 3.0;
+          patches[node].normal_m2 += area_m2;
+        } else {
+          of_nodes[node] += k_pa_per_m * area_m2.norm() / 3.0;
+        }
       }
+    }
+    for (const auto& [node, patch] : patches) {
+      const double newton_per_m = k_pa_per_m * patch.area_m2;
+      tearing.push_back({.node = node,
+                         .stiffness_newton_per_m = newton_per_m,
+                         .intact_newton_per_m = newton_per_m,
+                         .softens_at_m = std::sqrt(toughness / k_pa_per_m),
+                         .outward = patch.normal_m2.normalized(),
+                         .index = static_cast<std::uint32_t>(tearing.size())});
     }
     if (!has_face) {
       idle.push_back(idle_place("attached", i, "holds nothing: no face of the surface lies there"));
@@ -202,6 +227,7 @@ std::vector<std::string> hold(const TetrahedralMesh& read, const ElasticMaterial
   for (std::uint32_t node = 0; node < of_nodes.size(); ++node) {
     if (of_nodes[node] > 0.0) body.attachments.push_back({node, of_nodes[node]});
   }
+  body.attachments.insert(body.attachments.end(), tearing.begin(), tearing.end());
   return idle;
 }
 
@@ -359,6 +385,11 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   if (unloaded) made->scan_error_m = unloaded->away_m;
   complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), nullptr,
            name, *made);
+  if (elastic::Tearing tearing(*made->body); tearing.note(made->start_m.data())) {
+    throw SetupError(name +
+                     "elastic.attached tears under the weight of the body; give more "
+                     "toughness_joule_per_m2 or hold more of it in elastic.fixed");
+  }
   return made;
 }
 
@@ -410,12 +441,20 @@ std::string mesh_report(const ElasticBody& body) {
   const auto in_parts =
       std::count_if(regions.begin(), regions.end(), [](std::uint8_t region) { return region > 0; });
   const std::vector<elastic::Attachment>& attachments = body.body->description().attachments;
-  char attached[60] = "";  // NOLINT: for snprintf
+  char attached[90] = "";  // NOLINT: for snprintf
   if (!attachments.empty()) {
     double newton_per_m = 0.0;
-    for (const elastic::Attachment& one : attachments) newton_per_m += one.stiffness_newton_per_m;
+    std::size_t tearing = 0;
+    for (const elastic::Attachment& one : attachments) {
+      newton_per_m += one.stiffness_newton_per_m;
+      tearing += one.tears() ? 1U : 0U;
+    }
     std::snprintf(attached, sizeof attached, ", %zu attached with %.3g N/m", attachments.size(),
                   newton_per_m);
+    if (tearing > 0) {
+      const std::size_t end = std::strlen(attached);
+      std::snprintf(attached + end, sizeof attached - end, ", %zu of them may tear", tearing);
+    }
   }
   char text[400];  // NOLINT: for snprintf
   std::snprintf(

@@ -2,6 +2,7 @@
 // elastic_body.h — the elastic body of a tissue: its mesh, material and support from the session.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -63,6 +64,11 @@ struct ElasticBody {
   double solve_rate_hz = 50.0;
   double viscosity_s = 0.0;            ///< Rayleigh's β
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
+
+  [[nodiscard]] bool can_tear() const noexcept {
+    const std::vector<elastic::Attachment>& all = body->description().attachments;
+    return std::any_of(all.begin(), all.end(), [](const auto& one) { return one.tears(); });
+  }
 };
 
 /// The faces as triangles between nodes of the mesh; quadratic ones as four.

@@ -52,6 +52,7 @@ double ElasticSimulation::Tips::add_gradient(const double* x_m, double* gradient
     if (is_near[i] != 0) sum += contacts[i].add_gradient(x_m, gradient);
   }
   for (const elastic::HeldPoints& one : held) sum += one.add_gradient(x_m, gradient);
+  sum += tearing.add_gradient(x_m, gradient);
   for (const auto& [node, newton] : rubbed_newton) {
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t at = 3 * std::size_t{node} + i;
@@ -68,6 +69,7 @@ void ElasticSimulation::Tips::add_stiffness(const double* x_m, const elastic::Bl
     if (is_near[i] != 0) contacts[i].add_stiffness(x_m, pattern, values);
   }
   for (const elastic::HeldPoints& one : held) one.add_stiffness(pattern, values);
+  tearing.add_stiffness(x_m, pattern, values);
 }
 
 void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
@@ -77,6 +79,7 @@ void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
     if (is_near[i] != 0) contacts[i].add_exact_stiffness(x_m, pattern, values);
   }
   for (const elastic::HeldPoints& one : held) one.add_stiffness(pattern, values);
+  tearing.add_stiffness(x_m, pattern, values);
 }
 
 double ElasticSimulation::Tips::longest_correction_m() const {
@@ -95,9 +98,10 @@ bool ElasticSimulation::Tips::begin_round(const double* x_m, const elastic::Bloc
   return is_begun;
 }
 
-bool ElasticSimulation::Tips::are_idle() const {
+bool ElasticSimulation::Tips::is_idle() const {
   return std::all_of(is_near.begin(), is_near.end(), [](char near) { return near == 0; }) &&
-         std::all_of(held.begin(), held.end(), [](const auto& one) { return one.is_empty(); });
+         std::all_of(held.begin(), held.end(), [](const auto& one) { return one.is_empty(); }) &&
+         tearing.is_idle();
 }
 
 ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
@@ -107,6 +111,7 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
       step_s_(step_s),
       this_step_s_(step_s),
       dynamics_(*body.body, settings(is_folded)),
+      tips_(*body.body),
       touches_(tools),
       last_tips_(tools),
       triangles_(triangles_of(body)),
@@ -145,7 +150,7 @@ double ElasticSimulation::stored_joule() const noexcept {
   for (const elastic::HeldPoints& one : tips_.held) {
     joule += one.stored_joule(dynamics_.x_m().data());
   }
-  return joule;
+  return joule + tips_.tearing.stored_joule(dynamics_.x_m().data());
 }
 
 /// Moves the sphere towards its tip, and looks at the surface on the way, so that each point is
@@ -221,6 +226,7 @@ void ElasticSimulation::rub(const Touch& touch, const Vector3& friction_on_tool_
 bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips,
                              std::optional<double> step_s) {
   const int parts = parts_of(tips);
+  has_torn_ = false;
   this_step_s_ = step_s.value_or(step_s_) / parts;
   bool has_stepped = false;
   for (int part = 1; part <= parts; ++part) {
@@ -274,7 +280,7 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
     touch.force_on_tool_newton.setZero();
     touch.forces_on_body_newton.clear();
   }
-  if (tips_.are_idle() && dynamics_.is_asleep()) {
+  if (tips_.is_idle() && dynamics_.is_asleep()) {
     static_cast<void>(dynamics_.step(this_step_s_));
     return false;
   }
@@ -389,7 +395,7 @@ bool ElasticSimulation::settle() {
 
 /// A step with the spheres where they are. False: it has failed.
 bool ElasticSimulation::step_once() {
-  report_ = dynamics_.step(this_step_s_, tips_.are_idle() ? nullptr : &tips_);
+  report_ = dynamics_.step(this_step_s_, tips_.is_idle() ? nullptr : &tips_);
   bool has_failed = false;
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
@@ -411,6 +417,7 @@ bool ElasticSimulation::step_once() {
     touch.forces_on_body_newton = contact.forces_on_body_newton();
   }
   report_.search.is_converged = report_.search.is_converged && !has_failed;
+  if (!has_failed) has_torn_ = tips_.tearing.note(dynamics_.x_m().data()) || has_torn_;
   return !has_failed;
 }
 

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "physics_node/elastic/attached/tearing.h"
 #include "physics_node/elastic/dynamics.h"
 #include "physics_node/elastic/grip/held_points.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
@@ -73,6 +74,10 @@ class ElasticSimulation {
   /// By tool. @pre  one that holds has a TipState in every step
   [[nodiscard]] const std::vector<elastic::HeldPoints>& held() const noexcept { return tips_.held; }
 
+  /// What of its attachments has torn.
+  [[nodiscard]] const elastic::Tearing& tearing() const noexcept { return tips_.tearing; }
+  [[nodiscard]] bool has_torn() const noexcept { return has_torn_; }  ///< further, in the last step
+
   /// Elastic, of weight and in jaws: what the body would give back if it were moved slowly.
   [[nodiscard]] double stored_joule() const noexcept;
 
@@ -116,12 +121,14 @@ class ElasticSimulation {
   void shown_strain(std::vector<float>& strain) const;
 
  private:
-  /// The potential of all spheres that are near.
+  /// The potential of all spheres that are near, of what is held, and of what tears.
   class Tips final : public elastic::Obstacle {
    public:
+    explicit Tips(const elastic::Body& body) : tearing(body) {}
     std::vector<elastic::SphereContact> contacts;
     std::vector<char> is_near;
-    std::vector<elastic::HeldPoints> held;                         // by tool
+    std::vector<elastic::HeldPoints> held;  // by tool
+    elastic::Tearing tearing;
     std::vector<std::pair<std::uint32_t, Vector3>> rubbed_newton;  // by node of the body
     double add_gradient(const double* x_m, double* gradient) const override;
     void add_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
@@ -130,7 +137,7 @@ class ElasticSimulation {
                              elastic::BlockValues& values) const override;
     [[nodiscard]] double longest_correction_m() const override;
     bool begin_round(const double* x_m, const elastic::BlockPattern& pattern) override;
-    [[nodiscard]] bool are_idle() const;
+    [[nodiscard]] bool is_idle() const;
   };
 
   [[nodiscard]] int parts_of(std::span<const std::optional<TipState>> tips) const;
@@ -166,6 +173,7 @@ class ElasticSimulation {
   std::uint64_t repaired_steps_ = 0;
   std::uint64_t appeared_ = 0;
   int failed_in_a_row_ = 0;
+  bool has_torn_ = false;
 };
 
 }  // namespace palpate::physics

@@ -67,9 +67,9 @@ ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t
     tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
     tools_.back()->surface_of = whole_.get();
   }
-  if (electrode) {
+  if (electrode || whole_->can_tear()) {
     ablation_ =
-        std::make_unique<Ablation>(shared_, *electrode, tip_radius_m, tools, is_in_background);
+        std::make_unique<Ablation>(shared_, electrode, tip_radius_m, tools, is_in_background);
   }
   if (is_folded_) fold();
 }
@@ -309,7 +309,7 @@ void ElasticTissue::solve(double step_s) {
     ++figures_.skipped;
   }
   if (gripper_) read_jaws(step_s);
-  if (ablation_) heat();
+  if (ablation_) wear();
   figures_.failed = simulation_->failed_steps() + without_compliance_;
   figures_.repaired = simulation_->repaired_steps();
   figures_.appeared = simulation_->appeared();

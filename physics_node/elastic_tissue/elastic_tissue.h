@@ -45,6 +45,8 @@ struct ElasticFigures {
   std::uint64_t bound_violations = 0;
   std::uint32_t points_held = 0;
   AblationFigures ablation;
+  std::uint64_t torn = 0;  ///< attachments
+  double torn_joule = 0.0;
   double residual_ratio = 0.0;
   double error_newton = kUnknownNewton;
 };
@@ -103,7 +105,7 @@ class ElasticTissue {
   }
 
   /// With the next full solution the body is again as in the session, untouched and at rest.
-  /// @pre  an electrode
+  /// @pre  an electrode, or it can tear
   void restore() noexcept { is_restore_due_ = true; }
 
   // --- the slow thread ---
@@ -123,7 +125,7 @@ class ElasticTissue {
   [[nodiscard]] bool is_fast() const;
   void publish();
   void note_late();
-  /// The body as it is now, of what it is in the session. @pre  an electrode
+  /// The body as it is now, of what it is in the session. @pre  an electrode, or it can tear
   [[nodiscard]] const Ablation& ablation() const { return *ablation_; }
 
   // --- any thread ---
@@ -268,7 +270,7 @@ class ElasticTissue {
                                                        const Vector3& normal);
   void show();
   void fold();
-  void heat();
+  void wear();
   void change_body(double step_s);
   void follow_body(Tool& own) noexcept;
   [[nodiscard]] elastic::SurfaceCompliance& compliance() const { return shared_->compliance(); }
@@ -280,9 +282,9 @@ class ElasticTissue {
   double tip_radius_m_;
   bool is_folded_;
   std::optional<GripperConfig> gripper_;
-  std::unique_ptr<Ablation> ablation_;  // null: no electrode
+  std::unique_ptr<Ablation> ablation_;  // null: nothing changes the body
   std::atomic<bool> is_restore_due_ = false;
-  bool is_body_new_ = false;            // not published yet
+  bool is_body_new_ = false;  // not published yet
   std::unique_ptr<ElasticSimulation> simulation_;
   std::vector<std::unique_ptr<Tool>> tools_;
   std::vector<std::optional<PatchMaker>> makers_;  // of the tools

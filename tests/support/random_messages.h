@@ -387,6 +387,8 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_elements_loose = random.bits();
   c.elastic_bodies_refused = random.bits();
   c.elastic_bodies_restored = random.bits();
+  c.elastic_attachments_torn = random.bits();
+  c.elastic_torn_joule = random.uniform(0.0, 1.0);
   c.worst_compute_time = random_duration(random);
 }
 
@@ -858,6 +860,8 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.elastic_elements_loose == b.elastic_elements_loose &&
          a.elastic_bodies_refused == b.elastic_bodies_refused &&
          a.elastic_bodies_restored == b.elastic_bodies_restored &&
+         a.elastic_attachments_torn == b.elastic_attachments_torn &&
+         a.elastic_torn_joule == b.elastic_torn_joule &&
          a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {

@@ -216,6 +216,8 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_elastic_elements_loose(c.elastic_elements_loose);
   to.set_elastic_bodies_refused(c.elastic_bodies_refused);
   to.set_elastic_bodies_restored(c.elastic_bodies_restored);
+  to.set_elastic_attachments_torn(c.elastic_attachments_torn);
+  to.set_elastic_torn_joule(c.elastic_torn_joule);
   to.set_elastic_solves_repaired(c.elastic_solves_repaired);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
@@ -267,6 +269,8 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
       .elastic_elements_loose = c.elastic_elements_loose(),
       .elastic_bodies_refused = c.elastic_bodies_refused(),
       .elastic_bodies_restored = c.elastic_bodies_restored(),
+      .elastic_attachments_torn = c.elastic_attachments_torn(),
+      .elastic_torn_joule = c.elastic_torn_joule(),
       .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

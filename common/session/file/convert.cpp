@@ -115,6 +115,13 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
         "does not know what the first physics_node has ablated; leave it out, or "
         "scene.tool.electrode");
   }
+  if (session.physics.standby &&
+      std::any_of(session.scene.tissues.begin(), session.scene.tissues.end(), can_tear)) {
+    fields.message("physics").problem(
+        "standby",
+        "does not know what the first physics_node has torn off; leave it out, or "
+        "attached.toughness_joule_per_m2");
+  }
   if (fields.has("task")) session.task = to_shared_task(fields, session);
   session.sides.clear();
   return session;

@@ -64,16 +64,19 @@ std::vector<std::uint32_t> left_of(const std::vector<std::uint32_t>& nodes,
   return left;
 }
 
-std::vector<std::uint32_t> held_nodes_of(const elastic::BodyDescription& body) {
+std::vector<std::uint32_t> held_nodes_of(const elastic::BodyDescription& body,
+                                         std::span<const double> attached) {
   std::vector<std::uint32_t> held = body.fixed_nodes;
-  for (const elastic::Attachment& one : body.attachments) held.push_back(one.node);
+  for (const elastic::Attachment& one : body.attachments) {
+    if (!one.tears() || attached[one.index] > 0.0) held.push_back(one.node);
+  }
   return held;
 }
 
 /// Takes elements out of `elements` until each is held by the rest. @return how many
-std::size_t drop_loose(const elastic::BodyDescription& whole,
-                       std::vector<std::uint32_t>& elements) {
-  const std::vector<std::uint32_t> held = held_nodes_of(whole);
+std::size_t drop_loose(const elastic::BodyDescription& whole, std::vector<std::uint32_t>& elements,
+                       std::span<const double> attached) {
+  const std::vector<std::uint32_t> held = held_nodes_of(whole, attached);
   const std::size_t all = whole.mesh.nodes_m.size();
   std::size_t dropped = 0;
   while (!elements.empty()) {
@@ -105,8 +108,8 @@ elastic::VectorXd values_at(const elastic::VectorXd& all, const std::vector<std:
 /// The description of what is left, its materials in stages.
 elastic::BodyDescription description_of(const ElasticBody& whole, Remainder left,
                                         const std::vector<std::uint32_t>& elements,
-                                        std::span<const std::uint8_t> stages,
-                                        double softest_ratio) {
+                                        std::span<const std::uint8_t> stages, double softest_ratio,
+                                        std::span<const double> attached) {
   const elastic::BodyDescription& all = whole.body->description();
   const std::vector<std::int32_t> places = places_of(left.nodes, all.mesh.nodes_m.size());
   elastic::BodyDescription body{.mesh = std::move(left.mesh),
@@ -119,7 +122,8 @@ elastic::BodyDescription description_of(const ElasticBody& whole, Remainder left
   for (elastic::Attachment one : all.attachments) {
     if (places[one.node] == kGone) continue;
     one.node = static_cast<std::uint32_t>(places[one.node]);
-    body.attachments.push_back(one);
+    if (one.tears()) one.stiffness_newton_per_m = one.intact_newton_per_m * attached[one.index];
+    if (one.stiffness_newton_per_m > 0.0) body.attachments.push_back(one);
   }
   const std::size_t parts = whole.part_count + 1;
   const std::size_t most_stages = std::min<std::size_t>(kHeatStages, kMostRegions / parts);
@@ -210,13 +214,20 @@ AblatedBody whole_body(std::shared_ptr<BodyCompliance> shared) {
 std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const AblatedBody& before,
                                                 std::span<const std::uint8_t> stages,
                                                 double softest_ratio,
-                                                std::span<const std::uint32_t> near) {
+                                                std::span<const std::uint32_t> near,
+                                                std::span<const double> attached) {
   const elastic::BodyDescription& all = whole.body->description();
   auto after = std::make_shared<AblatedBody>();
   std::copy_if(before.elements.begin(), before.elements.end(), std::back_inserter(after->elements),
                [&](std::uint32_t e) { return stages[e] < kHeatStages; });
-  const bool is_softer_only = after->elements.size() == before.elements.size();
-  if (!is_softer_only) after->loose = drop_loose(all, after->elements);
+  const auto& held_before = before.body()->body->description().attachments;
+  const bool has_torn = std::any_of(
+      held_before.begin(), held_before.end(),
+      [&](const elastic::Attachment& one) { return one.tears() && !(attached[one.index] > 0.0); });
+  if (has_torn || after->elements.size() < before.elements.size()) {
+    after->loose = drop_loose(all, after->elements, attached);
+  }
+  const bool has_same_elements = after->elements.size() == before.elements.size();
   if (after->elements.empty()) throw SetupError("nothing is left of it that is held");
 
   Remainder left = remainder_of(all.mesh, after->elements);
@@ -228,8 +239,9 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
     start_m = values_at(before.body()->start_m, after->change.old_nodes);
   }
   after->shared = std::make_shared<BodyCompliance>(remade_elastic_body(
-      whole, description_of(whole, std::move(left), after->elements, stages, softest_ratio),
-      start_m, is_softer_only ? before.body()->body.get() : nullptr));
+      whole,
+      description_of(whole, std::move(left), after->elements, stages, softest_ratio, attached),
+      start_m, has_same_elements ? before.body()->body.get() : nullptr));
   after->change.old_points = old_points_of(before, *after, all.mesh.element_count());
 
   // the first steps of a tool that is there shall not wait for them

@@ -48,11 +48,11 @@ struct AblatedBody {
 /// @param stages  of the elements of the session's body @see heat_stage
 /// @param near    nodes of the session's body whose columns are made ahead, if they are on the
 ///     surface
+/// @param attached  of the attachments that tear, by index: their stiffness now over the intact one
 /// @throws SetupError  nothing is left that is held, or what is left cannot be used
-[[nodiscard]] std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole,
-                                                              const AblatedBody& before,
-                                                              std::span<const std::uint8_t> stages,
-                                                              double softest_ratio,
-                                                              std::span<const std::uint32_t> near);
+[[nodiscard]] std::shared_ptr<const AblatedBody> ablated_body(
+    const ElasticBody& whole, const AblatedBody& before, std::span<const std::uint8_t> stages,
+    double softest_ratio, std::span<const std::uint32_t> near,
+    std::span<const double> attached = {});
 
 }  // namespace palpate::physics

@@ -14,11 +14,17 @@ namespace {
 // The columns of nodes this near to an electrode are made with the next body.
 constexpr double kNearRadii = 2.5;
 constexpr std::size_t kMostNear = 192;
+// The next body is made when an attachment holds by so much less than in the present one, relative
+// to the intact one, or holds nothing any more; and for all that has changed when nothing has torn
+// for so many solutions.
+constexpr double kTornRatio = 0.25;
+constexpr int kQuietSolutions = 10;
 
 }  // namespace
 
-Ablation::Ablation(std::shared_ptr<BodyCompliance> whole, const ElectrodeConfig& electrode,
-                   double tip_radius_m, std::size_t tools, bool is_in_background)
+Ablation::Ablation(std::shared_ptr<BodyCompliance> whole,
+                   const std::optional<ElectrodeConfig>& electrode, double tip_radius_m,
+                   std::size_t tools, bool is_in_background)
     : whole_(std::make_shared<AblatedBody>(whole_body(std::move(whole)))),
       present_(whole_),
       electrode_(electrode),
@@ -26,13 +32,19 @@ Ablation::Ablation(std::shared_ptr<BodyCompliance> whole, const ElectrodeConfig&
       is_in_background_(is_in_background),
       doses_(whole_->elements.size(), 0.0),
       stages_(doses_.size(), 0),
-      heated_m_(tools, Vector3::Constant(1e9)) {}
+      heated_m_(tools, Vector3::Constant(1e9)) {
+  for (const elastic::Attachment& one : whole_->body()->body->description().attachments) {
+    if (one.tears()) attached_.push_back(1.0);
+  }
+}
 
 void Ablation::continue_as(const Ablation& other) {
   present_ = other.present_;
   doses_ = other.doses_;
   stages_ = other.stages_;
   heated_m_ = other.heated_m_;
+  attached_ = other.attached_;
+  quiet_solutions_ = other.quiet_solutions_;
   is_changed_ = other.is_changed_;
   is_ordered_ = other.is_ordered_;
   next_ = other.next_;
@@ -54,11 +66,11 @@ void Ablation::heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector
       centroid_m += 0.25 * x_m.segment<3>(3 * Eigen::Index{corner});
     }
     const double watt_per_m3 =
-        power_density_watt_per_m3(electrode_, tip_radius_m_, (centroid_m - tip_m).norm());
+        power_density_watt_per_m3(*electrode_, tip_radius_m_, (centroid_m - tip_m).norm());
     if (!(watt_per_m3 > 0.0)) continue;
     const std::uint32_t element = present_->elements[i];
     const double joule_per_m3 =
-        electrode_.energy_joule_per_kg * materials[mesh.regions[i]].density_kg_per_m3;
+        electrode_->energy_joule_per_kg * materials[mesh.regions[i]].density_kg_per_m3;
     doses_[element] += watt_per_m3 * energised_s / joule_per_m3;
     const std::uint8_t stage = heat_stage(doses_[element]);
     is_changed_ = is_changed_ || stage != stages_[element];
@@ -66,7 +78,22 @@ void Ablation::heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector
   }
 }
 
-/// The next body, from what is heated now.
+void Ablation::tear(const elastic::Tearing& tearing, bool has_torn) {
+  quiet_solutions_ = has_torn ? 0 : quiet_solutions_ + 1;
+  bool is_changed = quiet_solutions_ == kQuietSolutions && !tearing.is_idle();
+  for (const elastic::Tearing::One& one : tearing.attachments()) {
+    const double ordered = attached_[one.attachment.index];
+    const bool is_off = ordered > 0.0 && !(one.ratio() > 0.0);
+    is_changed = is_changed || is_off || ordered - one.ratio() > kTornRatio;
+  }
+  if (!is_changed) return;
+  is_changed_ = true;
+  for (const elastic::Tearing::One& one : tearing.attachments()) {
+    attached_[one.attachment.index] = one.ratio();
+  }
+}
+
+/// The next body, from what is heated and torn now.
 void Ablation::order(const elastic::VectorXd& x_m) {
   std::vector<std::uint32_t> near;
   for (std::size_t i = 0; i < present_->nodes.size() && near.size() < kMostNear; ++i) {
@@ -77,9 +104,10 @@ void Ablation::order(const elastic::VectorXd& x_m) {
     if (is_near) near.push_back(present_->nodes[i]);
   }
   const auto make = [whole = whole_, before = present_, stages = stages_, near = std::move(near),
-                     softest_ratio = electrode_.softest_ratio]() -> Made {
+                     attached = attached_,
+                     softest_ratio = electrode_ ? electrode_->softest_ratio : 1.0]() -> Made {
     try {
-      return ablated_body(*whole->body(), *before, stages, softest_ratio, near);
+      return ablated_body(*whole->body(), *before, stages, softest_ratio, near, attached);
     } catch (const std::exception&) {  // the one before goes on
       return nullptr;
     }
@@ -127,6 +155,7 @@ std::shared_ptr<const AblatedBody> Ablation::advance(double step_s, const elasti
 std::shared_ptr<const AblatedBody> Ablation::restore() {
   std::fill(doses_.begin(), doses_.end(), 0.0);
   std::fill(stages_.begin(), stages_.end(), 0);
+  std::fill(attached_.begin(), attached_.end(), 1.0);
   is_changed_ = false;
   is_order_void_ = is_ordered_;
   ++figures_.restored;

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// ablation.h — how an elastic body changes under the electrodes of the tools.
+// ablation.h — how an elastic body changes: under the electrodes of the tools, and where it is torn
+// off.
 #pragma once
 
 #include <cstdint>
 #include <future>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
+#include "physics_node/elastic/attached/tearing.h"
 #include "physics_node/elastic_tissue/ablation/ablated_body.h"
 
 namespace palpate::physics {
@@ -21,17 +24,17 @@ struct AblationFigures {
   std::uint64_t restored = 0;
 };
 
-/// The doses of the elements, and the body that is left. Whenever elements have changed their stage
-/// (heat.h), the next body is made, one after the other: on a thread of its own, or, for
-/// simulations on a time of their own, at once and used kLatency_s later. One thread calls it;
-/// allocates.
+/// The doses of the elements, what still holds, and the body that is left. Whenever elements have
+/// changed their stage (heat.h) or attachments have torn further, the next body is made, one after
+/// the other: on a thread of its own, or, for simulations on a time of their own, at once and used
+/// kLatency_s later. One thread calls it; allocates.
 class Ablation {
  public:
   static constexpr double kLatency_s = 0.1;
 
   /// @param whole  the body of the session   @param tools  that may be energised
-  /// @param is_in_background  else deterministic
-  Ablation(std::shared_ptr<BodyCompliance> whole, const ElectrodeConfig& electrode,
+  /// @param electrode  none: nothing is heated   @param is_in_background  else deterministic
+  Ablation(std::shared_ptr<BodyCompliance> whole, const std::optional<ElectrodeConfig>& electrode,
            double tip_radius_m, std::size_t tools, bool is_in_background);
   ~Ablation() = default;
   Ablation(const Ablation&) = delete;  // a body may be under way
@@ -40,10 +43,13 @@ class Ablation {
   /// Continues as the other would, to the bit. @pre  of the same body, none in the background
   void continue_as(const Ablation& other);
 
-  /// An electrode there heats the present body, whose nodes are at x_m.
+  /// An electrode there heats the present body, whose nodes are at x_m. @pre  an electrode
   /// @param energised_s  ≥ 0, for how long
   void heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector3& tip_m,
             double energised_s);
+
+  /// After a full solution. @param has_torn  further, since the last one
+  void tear(const elastic::Tearing& tearing, bool has_torn);
 
   /// Time goes on. @return the body that from now on is the present one; null: it is still the same
   /// @param x_m  of the present one
@@ -66,15 +72,17 @@ class Ablation {
 
   Made whole_;
   Made present_;
-  ElectrodeConfig electrode_;
+  std::optional<ElectrodeConfig> electrode_;
   double tip_radius_m_;
   bool is_in_background_;
   std::vector<double> doses_;         // of the elements of the whole body
   std::vector<std::uint8_t> stages_;  // likewise
   std::vector<Vector3> heated_m_;     // where each tool was energised last
+  std::vector<double> attached_;      // stiffness over the intact one, of what tears
+  int quiet_solutions_ = 0;           // in which nothing has torn
   bool is_changed_ = false;           // a stage, since the last order
   bool is_ordered_ = false;
-  bool is_order_void_ = false;  // restored since: it will not be used
+  bool is_order_void_ = false;   // restored since: it will not be used
   std::future<Made> under_way_;  // in the background
   Made next_;                    // else; null: it could not be made
   double clock_s_ = 0.0;

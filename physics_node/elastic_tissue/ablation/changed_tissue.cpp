@@ -14,8 +14,11 @@ void ElasticTissue::follow_body(Tool& own) noexcept {
   own.side.change_to(own.surface_of->shape);
 }
 
-/// After a full solution.
-void ElasticTissue::heat() {
+/// After a full solution: what the tools have done to the body.
+void ElasticTissue::wear() {
+  ablation_->tear(simulation_->tearing(), simulation_->has_torn());
+  figures_.torn = simulation_->tearing().torn();
+  figures_.torn_joule = simulation_->tearing().taken_joule();
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     const Tip tip = tools_[i]->tip.load();
     if (!tips_[i] || !tip.is_known) continue;

@@ -15,6 +15,7 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, const ElasticSimul
   failed_steps_ = before.failed_steps_;
   repaired_steps_ = before.repaired_steps_;
   appeared_ = before.appeared_;
+  tips_.tearing.count_on(before.tips_.tearing);
 }
 
 ElasticSimulation::ElasticSimulation(const ElasticBody& body, const ElasticSimulation& before,
@@ -35,6 +36,7 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, const ElasticSimul
   last_tips_ = before.last_tips_;
   failed_in_a_row_ = before.failed_in_a_row_;
   touches_ = before.touches_;
+  tips_.tearing.continue_as(before.tips_.tearing);
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     tips_.contacts[i].continue_as(before.tips_.contacts[i], change.old_points);
     tips_.held[i].continue_as(before.tips_.held[i], body.points, change.old_points);

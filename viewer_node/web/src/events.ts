@@ -61,6 +61,7 @@ const kWords: Record<string, [Lane, EventTone, string]> = {
   tissue_ablated: ["changes", "calm", "$count elements ablated"],
   tissue_cut_off: ["changes", "notice", "$count elements cut off from the rest: removed"],
   ablation_refused: ["changes", "notice", "ablation refused: the tissue stays as it is"],
+  attachment_torn: ["changes", "calm", "$count points of an attachment torn"],
   tissue_restored: ["changes", "calm", "tissue restored"],
   tissue_changed: ["changes", "calm", "$tissue: $stiffness_newton_per_m N/m, $damping_newton_s_per_m N·s/m"],
   tissue_change_refused: ["changes", "notice", "change of a tissue refused"],
