@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An electrode in the whole loop, on virtual time.
+// Tissue that is ablated or torn off, in the whole loop, on virtual time.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -34,17 +34,47 @@ struct Recording {
   }
 };
 
-/// `resection`, in which the tool touches from 0.6 s on and ablates from 2 s on.
-Recording resected(const std::vector<std::string>& overrides, Duration length,
-                   bool has_ideal = false) {
+Recording recorded(const std::string& session, const std::vector<std::string>& overrides,
+                   Duration length, bool has_ideal = false) {
   Recording result;
   Lockstep lockstep(
-      load_session(test::source_dir() + "/deploy/sessions/resection.txtpb", overrides),
+      load_session(test::source_dir() + "/deploy/sessions/" + session + ".txtpb", overrides),
       {.has_ideal = has_ideal},
       [&](const TickRow& row, const IdealState& /*ideal*/) { result.rows.push_back(row); });
   lockstep.run_until(length);
   result.physics = lockstep.physics_counters();
   return result;
+}
+
+/// In which the tool touches from 0.6 s on and ablates from 2 s on.
+Recording resected(const std::vector<std::string>& overrides, Duration length,
+                   bool has_ideal = false) {
+  return recorded("resection", overrides, length, has_ideal);
+}
+
+/// In which the jaws close at 2.5 s, when the tool has begun to rise.
+Recording peeled(const std::vector<std::string>& overrides, bool has_ideal = false) {
+  return recorded("gallbladder", overrides, 8s, has_ideal);
+}
+
+/// Of the force on the hand, relative to that of the ideal.
+double error_of(const Recording& run) {
+  double error2 = 0.0;
+  double ideal2 = 0.0;
+  for (const TickRow& row : run.rows) {
+    error2 += (row.device.force_on_hand_newton - row.ideal_force_on_hand_newton).squaredNorm();
+    ideal2 += row.ideal_force_on_hand_newton.squaredNorm();
+  }
+  return std::sqrt(error2 / ideal2);
+}
+
+std::vector<std::string> bad_network() {
+  std::vector<std::string> network;
+  for (const char* link : {"tool_motion", "interaction"}) {
+    network.push_back(std::string("faults.") + link + ".delay_ms=50");
+    network.push_back(std::string("faults.") + link + ".loss_ratio=0.2");
+  }
+  return network;
 }
 
 // The same motion with the electrode off is the tissue without ablation.
@@ -80,24 +110,13 @@ TEST(AblationLoop, IsTheSameToTheBit) {
 TEST(AblationLoop, TheIdealIsAblatedToo) {
   if (test::kIsSanitized) GTEST_SKIP() << "figures: the other tests run the same code";
   const Recording run = resected({}, 3500ms, true);
-  double error2 = 0.0;
-  double ideal2 = 0.0;
-  for (const TickRow& row : run.rows) {
-    error2 += (row.device.force_on_hand_newton - row.ideal_force_on_hand_newton).squaredNorm();
-    ideal2 += row.ideal_force_on_hand_newton.squaredNorm();
-  }
   ASSERT_GT(run.physics.elastic_elements_removed, 0U);
-  EXPECT_LT(std::sqrt(error2 / ideal2), 0.25);
+  EXPECT_LT(error_of(run), 0.25);
 }
 
 // Delay, loss, silence while it ablates: the hand gets nothing.
 TEST(AblationLoop, ABadNetworkDoesNotGiveTheHandEnergy) {
-  std::vector<std::string> network;
-  for (const char* link : {"tool_motion", "interaction"}) {
-    network.push_back(std::string("faults.") + link + ".delay_ms=50");
-    network.push_back(std::string("faults.") + link + ".loss_ratio=0.2");
-  }
-  const Recording run = resected(network, 5s);
+  const Recording run = resected(bad_network(), 5s);
   EXPECT_GT(run.physics.elastic_elements_removed, 0U);
   EXPECT_GE(run.last().device.minimum_true_energy_joule, -1e-6);
 }
@@ -111,6 +130,37 @@ TEST(AblationLoop, AHostileHandGetsNothing) {
                   "hand.hostile.radius_m=0.02", "hand.hostile.v_max_m_per_s=0.3",
                   "hand.stiffness_newton_per_m=2000", "hand.damping_newton_s_per_m=40"},
                  1000ms);
+    EXPECT_GE(run.last().device.minimum_true_energy_joule, -1e-6);
+  }
+}
+
+TEST(TearingLoop, PeelsAnOrganOffAsTheFullSolutionsSay) {
+  if (test::kIsSanitized) GTEST_SKIP() << "figures: the other tests run the same code";
+  const Recording run = peeled({}, true);
+  EXPECT_GT(run.physics.elastic_attachments_torn, 20U);
+  EXPECT_GT(run.physics.elastic_torn_joule, 1e-3);
+  EXPECT_GT(run.physics.elastic_bodies_remade, 3U);
+  EXPECT_EQ(run.physics.elastic_bodies_refused, 0U);
+  EXPECT_GT(run.largest_newton(3.0, 8.0), 0.2);
+  EXPECT_LT(error_of(run), 0.1);
+  EXPECT_GE(run.last().device.minimum_true_energy_joule, -1e-6);
+  // with much toughness it holds, and pulls more
+  const Recording held =
+      peeled({"scene.tissue[0].elastic.attached[0].toughness_joule_per_m2=1000"});
+  EXPECT_EQ(held.physics.elastic_attachments_torn, 0U);
+  EXPECT_GT(held.largest_newton(3.0, 8.0), 1.2 * run.largest_newton(3.0, 8.0));
+}
+
+TEST(TearingLoop, ABadNetworkOrAHostileHandGetsNothing) {
+  std::vector<std::string> overrides = bad_network();
+  EXPECT_GE(peeled(overrides).last().device.minimum_true_energy_joule, -1e-6);
+  for (const std::uint64_t seed : test::seeds(3)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    const Recording run =
+        peeled({"seed=" + std::to_string(seed), "hand.press[0].from_s=0.1",
+                "hand.hostile.radius_m=0.03", "hand.hostile.v_max_m_per_s=0.3",
+                "hand.stiffness_newton_per_m=2000", "hand.damping_newton_s_per_m=40",
+                "scene.tissue[0].elastic.attached[0].toughness_joule_per_m2=0.5"});
     EXPECT_GE(run.last().device.minimum_true_energy_joule, -1e-6);
   }
 }

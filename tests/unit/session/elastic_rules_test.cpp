@@ -88,6 +88,17 @@ TEST(ElasticRules, SpringsMayHoldItInsteadOfFixedPlaces) {
   EXPECT_THAT(elastic_complaints(kHeld + " attached { where { half_space {} } "
                                          "stiffness_pa_per_m: 99 }"),
               is_at("elastic.attached[0].stiffness_pa_per_m = 99", "must be 100"));
+  const std::string tears =
+      " attached { where { half_space {} } stiffness_pa_per_m: 2e5 toughness_joule_per_m2: 5 }";
+  EXPECT_THAT(elastic_complaints(kHeld + tears), ::testing::IsEmpty());
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4" + tears),
+              is_at("elastic.attached[0].toughness_joule_per_m2", "would fall"));
+  EXPECT_THAT(
+      elastic_complaints(kHeld + tears + " viscoelastic { branch { share: 0.3 tau_s: 0.3 } }"),
+      is_at("elastic.attached[0].toughness_joule_per_m2", "do not relax"));
+  EXPECT_THAT(elastic_complaints(kHeld + " attached { where { half_space {} } "
+                                         "stiffness_pa_per_m: 2e5 toughness_joule_per_m2: 0 }"),
+              is_at("elastic.attached[0].toughness_joule_per_m2 = 0", "must be 0.01"));
 }
 
 TEST(ElasticRules, NamesWhatIsMissing) {
