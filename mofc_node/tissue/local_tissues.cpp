@@ -12,6 +12,14 @@ namespace {
 constexpr std::uint32_t kViewsPerStep = 64;
 constexpr std::uint32_t kMostViewsPerProxy = 32;
 constexpr std::uint32_t kLeastViewsPerProxy = 8;
+// What cannot catch up with the tool on such ways costs too much.
+constexpr double kLeastWay_m = 1e-3;
+
+ToolPose between(const ToolPose& from, const ToolPose& to, double share) noexcept {
+  return {.tip_m = from.tip_m + share * (to.tip_m - from.tip_m),
+          .shaft = (from.shaft + share * (to.shaft - from.shaft)).normalized(),
+          .time_s = from.time_s + share * (to.time_s - from.time_s)};
+}
 
 }  // namespace
 
@@ -20,6 +28,10 @@ void LocalTissues::reset() noexcept {
   for (Result& result : results_) result = {};
   work_ = 0;
   is_exhausted_ = false;
+}
+
+void LocalTissues::forget(Memory& memory) noexcept {
+  memory = {.is_used = true, .version = memory.version, .most_way_m = memory.most_way_m};
 }
 
 void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
@@ -54,7 +66,10 @@ LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Inter
                                             bool has_share, Memory& memory, Budget& left) noexcept {
   memory.is_used = true;
   if (memory.version != tissue.version()) {
-    memory = {.is_used = true, .version = tissue.version(), .force = memory.force};
+    const ModelForce force = memory.force;
+    forget(memory);
+    memory.version = tissue.version();
+    memory.force = force;
   }
   const Vector3 tip_m = now.tip_m - displacement(tissue.motion(), now.time_s).position_m;
   bool has_work = left.work > 0 && left.take(tissue.prepare(tip_m, false));
@@ -63,6 +78,7 @@ LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Inter
   }
   const bool is_anew = !memory.is_begun;
   if (is_anew) begin(tissue, newest, now, memory);
+  const double way_m = memory.pose ? (now.tip_m - memory.pose->tip_m).norm() : 0.0;
   std::optional<Result> result;
   if (has_work) result = advance(tissue, now, velocity, has_share, memory, left);
   left.is_exhausted = left.is_exhausted || !has_work;
@@ -71,10 +87,12 @@ LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Inter
   if (is_held) {
     result = Result{.is_stepped = true, .tissue = tissue.tissue(), .force = memory.force};
   } else if (!result) {
-    memory = {.is_used = true, .version = memory.version};
+    forget(memory);
+    memory.most_way_m = std::max(kLeastWay_m, 0.5 * std::min(way_m, memory.most_way_m));
     result = Result{.is_stepped = true, .tissue = tissue.tissue()};
   }
-  memory.is_begun = result->is_valid || (has_share && !(is_held && is_anew));
+  memory.is_begun = result->is_valid || memory.is_behind || (has_share && !(is_held && is_anew));
+  if (result->is_valid) memory.most_way_m = std::numeric_limits<double>::infinity();
   memory.force = result->force;
   return *result;
 }
@@ -82,7 +100,9 @@ LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Inter
 /// Continues from what the tissue remembered when physics_node looked, or begins anew.
 void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newest,
                          const ToolPose& now, Memory& memory) noexcept {
-  memory = {.is_used = true, .version = tissue.version(), .force = memory.force};
+  const ModelForce force = memory.force;
+  forget(memory);
+  memory.force = force;
   const double then_s =
       to_seconds((newest.header.sampled_at + newest.scene_ahead).time_since_epoch());
   const Vector3 moved_m = displacement(tissue.motion(), std::min(then_s, now.time_s)).position_m;
@@ -116,11 +136,18 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
 }
 
 std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissue,
-                                                          const ToolPose& now,
+                                                          const ToolPose& tool,
                                                           const Vector3& velocity, bool has_share,
                                                           Memory& memory, Budget& left) noexcept {
   const KelvinVoigtMaterial& material = tissue.material();
   Result result{.is_stepped = true, .is_valid = true, .tissue = tissue.tissue()};
+  ToolPose now = tool;
+  memory.is_behind = false;
+  if (!has_share && memory.pose) {
+    const double share = memory.most_way_m / (tool.tip_m - memory.pose->tip_m).norm();
+    memory.is_behind = share < 1.0;
+    if (memory.is_behind) now = between(*memory.pose, tool, share);
+  }
   const double dt_s = memory.pose ? std::max(0.0, now.time_s - memory.pose->time_s) : 0.0;
   const auto add = [&](Touch& touch, const Vector3& moved_m, double relaxed_m) {
     settle(touch, moved_m, material, relaxed_m);
@@ -163,7 +190,7 @@ std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissu
   if (tip.proxy.hint.is_exhausted()) return std::nullopt;
   // nobody uses the rest of an invalid step, and the next one begins anew
   if (!result.is_valid && !has_share) {
-    memory = {.is_used = true, .version = memory.version};
+    forget(memory);
     return result;
   }
   // nothing is remembered of a step that ends for want of work
@@ -200,9 +227,10 @@ std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissu
   memory.pose = now;
   if (!result.force.force_on_tool_newton.allFinite() ||
       !std::isfinite(result.force.stored_energy_joule)) {
-    memory = {.is_used = true, .version = memory.version};
+    forget(memory);
     return Result{.is_stepped = true, .tissue = tissue.tissue()};
   }
+  if (memory.is_behind) return Result{.is_stepped = true, .tissue = tissue.tissue()};
   return result;
 }
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "common/contact/contact_model.h"
@@ -85,7 +86,12 @@ class LocalTissues {
     std::optional<ToolPose> pose{};
     FreeBall free{};
     ModelForce force{};  // of the last step
+    // A tissue that nobody uses yet catches up with the tool on ways that are not too much work.
+    double most_way_m = std::numeric_limits<double>::infinity();
+    bool is_behind = false;
   };
+  /// All but which description it is of, and how far it may go.
+  static void forget(Memory& memory) noexcept;
   static void begin(const DescribedTissue& tissue, const Interaction& newest, const ToolPose& now,
                     Memory& memory) noexcept;
   /// What all tissues of a step share.
