@@ -146,6 +146,27 @@ bool DeviceNode::may_push(const DeviceSample& sample) noexcept {
   return false;
 }
 
+/// Where the dead-man button is not held, that is the reason.
+void DeviceNode::count_waiting(const DeviceTick& record) noexcept {
+  const auto& button = config_.dead_man_button;
+  switch (phase()) {
+    case DevicePhase::kClosed:
+    case DevicePhase::kConnected:
+      ++counters_.uncalibrated_ticks;
+      break;
+    case DevicePhase::kCalibrated:
+      if (!button || ((record.buttons >> *button) & 1U) != 0) ++counters_.unacknowledged_ticks;
+      break;
+    case DevicePhase::kChecking:
+      if (!button || ((record.buttons >> *button) & 1U) != 0) ++counters_.checking_ticks;
+      break;
+    case DevicePhase::kUnknown:
+    case DevicePhase::kEnabled:
+    case DevicePhase::kFaulted:
+      break;
+  }
+}
+
 /// The small push before the first force, and the tick that ends it. No command acts, nothing is
 /// sent, and no account counts: they begin anew with the next reading.
 FaultReason DeviceNode::check_motors(const DeviceSample& sample, bool may_push_now,

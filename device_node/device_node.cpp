@@ -464,6 +464,7 @@ void DeviceNode::count(const DeviceTick& record) noexcept {
       ++counters_.fault_ticks;
       break;
   }
+  if (counters_.answered_ticks > 0) count_waiting(record);
   if (record.is_peak_limited) ++counters_.peak_limited_ticks;
   count_force(record.force_on_hand_newton);
   counters_.minimum_true_energy_joule = record.minimum_true_energy_joule;

@@ -177,6 +177,7 @@ class DeviceNode {
   [[nodiscard]] ReadingDetails details_of(const DeviceSample& sample) const noexcept;
   void notify_observer(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;
+  void count_waiting(const DeviceTick& record) noexcept;
   void count_force(const Vector3& force_newton) noexcept;
   void latch(FaultReason reason, DeviceTick& record) noexcept;
   void release_motors() noexcept;

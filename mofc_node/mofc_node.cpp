@@ -278,6 +278,7 @@ void MofcNode::count(const MofcTick& turn, const DeviceEcho::Report& echo,
   if (turn.is_from_standby) ++counters_.standby_ticks;
   count_grip(turn.grip);
   if (turn.is_clamped) ++counters_.clamped_ticks;
+  if (turn.is_clamped && turn.ledger_energy_joule < 0.0) ++counters_.debt_ticks;
   if (output.is_too_fast) ++counters_.too_fast_ticks;
   if (physics.is_late) ++counters_.late_physics_ticks;
   if (phase != SilenceFade::Phase::kPresent) ++counters_.stale_ticks;

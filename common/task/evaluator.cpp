@@ -13,10 +13,7 @@ constexpr double kSurfaceWait_s = 10.0;  // then it is scored without a surface
 constexpr double kTouch_newton = 0.05;   // a smaller force is no touch: the floor of the force JND
 constexpr double kMarkMemory_s = 3.0;  // a mark is where the tip has touched last, within this time
 constexpr double kGap_s = 0.1;         // of the telemetry: what the hand did in it is not known
-constexpr double kFar_m = 0.1;         // of a tip from the surface at rest
-constexpr double kSameFoot_m = 1e-4;   // a smaller motion has the same place on the surface
-constexpr double kFarthestMove_m =
-    0.02;  // of a tip between two ticks: what lies between is missing
+constexpr double kSameFoot_m = 1e-4;   // a place so near is searched already
 
 constexpr double kDepthBin_m = 2e-5;
 constexpr std::size_t kDepthBins = 5'000;
@@ -34,7 +31,8 @@ TaskEvaluator::TaskEvaluator(const TaskConfig& task, const ToolShape& tool, Opti
       tool_(tool),
       options_(options),
       watch_(task.tissue_limits, tool.tip_radius_m),
-      depths_(kDepthBin_m, kDepthBins) {
+      depths_(kDepthBin_m, kDepthBins),
+      foot_(tool.tip_radius_m) {
   score_.kind = kind_of(task_);
   score_.limit_s = task_.time_s.value_or(kNotKnown);
   score_.most_force_newton = task_.most_force_newton.value_or(kNotKnown);
@@ -67,8 +65,7 @@ void TaskEvaluator::take(const SceneState& scene) {
   score_.area_m2 = surface_->area_m2();
   for (std::size_t i = 0; i < palpation()->targets.size(); ++i) {
     const TaskTarget& target = palpation()->targets[i];
-    const auto foot = surface_->foot_of(target.center_m, kFar_m);
-    if (foot) regions_[i].above_m = foot->point_m;
+    regions_[i].above = surface_->foot_of(target.center_m, SearchedSurface::kFar_m);
   }
 }
 
@@ -147,7 +144,7 @@ void TaskEvaluator::process(const Sample& sample) {
   const double gap_s = last_ ? std::abs(sample.t_s - last_->t_s)
                              : static_cast<double>(sample.sequence) * period_from(sample);
   if (gap_s > kGap_s) gap_end_s_ = sample.t_s;
-  follow_foot(sample);
+  if (surface_) foot_.follow(*surface_, sample.tip_m, sample.newton >= kTouch_newton);
   apply_markers(sample);
   if (phase_ != TaskState::Phase::kRunning) {
     last_ = sample;
@@ -267,23 +264,6 @@ void TaskEvaluator::end(TaskScore::End how) {
   complete_score();
 }
 
-/// Where the tip is on the surface; none: it is free. Of a tip whose centre is outside that is the
-/// nearest place. One that is pressed in stays on the side on which it went in, although another
-/// may be nearer.
-void TaskEvaluator::follow_foot(const Sample& sample) {
-  if (!surface_) return;
-  const bool is_touch = sample.newton >= kTouch_newton;
-  const double moved_m = (sample.tip_m - foot_tip_m_).norm();  // NaN: it was not followed
-  const bool is_inside = foot_ && foot_->normal.dot(sample.tip_m - foot_->point_m) < 0.0;
-  if (foot_ && (is_touch || is_inside) && moved_m < kSameFoot_m) return;
-  if (is_inside && moved_m < kFarthestMove_m) {
-    foot_ = surface_->followed(*foot_, sample.tip_m);
-  } else {
-    foot_ = is_touch ? surface_->foot_of(sample.tip_m, kFar_m) : std::nullopt;
-  }
-  foot_tip_m_ = sample.tip_m;
-}
-
 double TaskEvaluator::depth_m(const SearchedSurface::Foot& foot, const Vector3& tip_m) const {
   const Vector3 from_foot_m = tip_m - foot.point_m;
   const double height_m = foot.normal.dot(from_foot_m);
@@ -291,24 +271,32 @@ double TaskEvaluator::depth_m(const SearchedSurface::Foot& foot, const Vector3& 
   return std::max(0.0, tool_.tip_radius_m - (height_m > 0.0 ? from_foot_m.norm() : height_m));
 }
 
+/// From the place above a target; none: it has none, or that is on another side of the tissue.
+std::optional<double> TaskEvaluator::distance_m(const Region& region,
+                                                const SearchedSurface::Foot& foot) {
+  if (!region.above || !SearchedSurface::is_same_side(region.above->normal, foot.normal)) {
+    return std::nullopt;
+  }
+  return (foot.point_m - region.above->point_m).norm();
+}
+
 /// @param elapsed_s  that the tick stands for
 void TaskEvaluator::press(const Sample& sample, double elapsed_s) {
   forces_.add(sample.newton, elapsed_s);
-  if (!foot_) return;
-  touch_ = Touch{sample.t_s, *foot_};
-  depths_.add(depth_m(*foot_, sample.tip_m));
-  const bool is_elsewhere_now = !((foot_->point_m - searched_m_).norm() < kSameFoot_m);
+  if (!surface_ || !foot_.foot()) return;
+  const SearchedSurface::Foot& foot = *foot_.foot();
+  touch_ = Touch{sample.t_s, foot};
+  depths_.add(depth_m(foot, sample.tip_m));
+  const bool is_elsewhere_now = !((foot.point_m - searched_m_).norm() < kSameFoot_m);
   if (sample.newton >= palpation()->least_force_newton && is_elsewhere_now) {
-    surface_->search(foot_->point_m, foot_->normal);
-    searched_m_ = foot_->point_m;
+    surface_->search(foot.point_m, foot.normal);
+    searched_m_ = foot.point_m;
   }
   bool is_over = false;
   for (Region& region : regions_) {
     const bool is_elsewhere = &region == &regions_.back();
     const bool is_here =
-        is_elsewhere
-            ? !is_over
-            : region.above_m && (foot_->point_m - *region.above_m).norm() <= region.within_m;
+        is_elsewhere ? !is_over : distance_m(region, foot).value_or(kNotKnown) <= region.within_m;
     if (!is_here) continue;
     is_over = true;
     region.forces.add(sample.newton, elapsed_s);
@@ -375,15 +363,16 @@ void TaskEvaluator::mark_find(MarkScore& mark, double t_s) {
   std::size_t best = score_.targets.size();
   double best_m = 0.0;
   for (std::size_t i = 0; has_place && i < score_.targets.size(); ++i) {
-    if (!regions_[i].above_m) continue;
-    const double distance_m = (touch_->foot.point_m - *regions_[i].above_m).norm();
-    if (distance_m > palpation()->targets[i].radius_m + palpation()->mark_tolerance_m) continue;
+    const auto away_m = distance_m(regions_[i], touch_->foot);
+    if (!away_m || *away_m > palpation()->targets[i].radius_m + palpation()->mark_tolerance_m) {
+      continue;
+    }
     if (best < score_.targets.size() &&
-        std::pair(rank(i), distance_m) >= std::pair(rank(best), best_m)) {
+        std::pair(rank(i), *away_m) >= std::pair(rank(best), best_m)) {
       continue;
     }
     best = i;
-    best_m = distance_m;
+    best_m = *away_m;
   }
   mark.is_in_air = !has_place;
   if (best == score_.targets.size()) return;

@@ -84,7 +84,7 @@ class TaskEvaluator {
     SearchedSurface::Foot foot{};
   };
   struct Region {
-    std::optional<Vector3> above_m{};  // of a target: the place on the surface above its centre
+    std::optional<SearchedSurface::Foot> above{};  // of a target: above its centre
     double within_m = 0.0;
     ForceCount forces{};
   };
@@ -103,7 +103,8 @@ class TaskEvaluator {
   void mark_find(MarkScore& mark, double t_s);
   void mark_loss_of_resistance(MarkScore& mark);
   void press(const Sample& sample, double elapsed_s);
-  void follow_foot(const Sample& sample);
+  [[nodiscard]] static std::optional<double> distance_m(const Region& region,
+                                                        const SearchedSurface::Foot& foot);
   [[nodiscard]] double depth_m(const SearchedSurface::Foot& foot, const Vector3& tip_m) const;
   void judge_force(double newton, double elapsed_s);
   void complete_score();
@@ -141,8 +142,7 @@ class TaskEvaluator {
   double period_s_ = 0.0;         // of the newest two ticks that follow each other
   std::optional<Touch> touch_;    // newest
   double gap_end_s_ = kNotKnown;  // of the newest gap in the telemetry
-  Vector3 foot_tip_m_ = Vector3::Constant(kNotKnown);
-  std::optional<SearchedSurface::Foot> foot_;          // of a tip at foot_tip_m_; none: it is free
+  TipFoot foot_;                  // on surface_
   Vector3 searched_m_ = Vector3::Constant(kNotKnown);  // newest place that was searched
 };
 

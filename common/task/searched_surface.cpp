@@ -19,10 +19,13 @@ constexpr double kMostAcrossCell = 32.0;  // points
 constexpr double kFinest_m = 1e-6;        // an area that only touches the surface has no points
 constexpr double kSameSide = 0.5;         // cosine between the normals
 constexpr double kAroundEdge = -0.5;      // likewise, to a side that the tip is outside of
-constexpr double kFacing = -0.5;          // likewise, of what a press searches
+constexpr double kFacing = -0.5;          // likewise, of what counts as one side
 constexpr double kFarthestCell = 1e9;     // differences fit 32 bits
 constexpr double kSamePlace_m = 1e-9;     // far below what vertices in 32 bits tell
 constexpr double kJoint_m = 1e-6;         // triangles so near to each other are joined
+constexpr double kSameFoot_m = 1e-4;      // a smaller motion has the same place on the surface
+constexpr double kFarthestMove_m =
+    0.02;  // of a tip between two ticks: what lies between is missing
 
 /// From a place to the part of space; infinite of a MeshTag.
 struct DistanceTo {
@@ -262,6 +265,10 @@ TaskMap SearchedSurface::map(std::size_t most) const {
   return map;
 }
 
+bool SearchedSurface::is_same_side(const Vector3& normal, const Vector3& other) {
+  return normal.dot(other) >= kFacing;
+}
+
 void SearchedSurface::search(const Vector3& place_m, const Vector3& normal) {
   const Cell middle = cell_of(place_m);
   const auto last = static_cast<std::int32_t>(std::ceil(radius_m_ / cell_m_));
@@ -271,11 +278,39 @@ void SearchedSurface::search(const Vector3& place_m, const Vector3& normal) {
       if (point.is_searched) return;
       const Vector3 at_m = point.place_m.cast<double>();
       if ((at_m - place_m).squaredNorm() > radius_m_ * radius_m_) return;
-      if (normals_[point.triangle].dot(normal) < kFacing) return;
+      if (!is_same_side(normals_[point.triangle], normal)) return;
       point.is_searched = true;
       searched_m2_ += static_cast<double>(point.area_m2);
     });
   }
+}
+
+void TipFoot::follow(const SearchedSurface& surface, const Vector3& tip_m, bool is_touch) {
+  const double moved_m = (tip_m - tip_m_).norm();  // NaN: it was not followed
+  if (moved_m < kSameFoot_m && (foot_ || !is_touch)) {
+    was_pressed_ = was_pressed_ || is_touch;
+    return;
+  }
+  const bool is_inside =
+      foot_ && moved_m < kFarthestMove_m && foot_->normal.dot(tip_m - foot_->point_m) < 0.0;
+  if (is_inside && (is_touch || !has_left(surface, tip_m))) {
+    foot_ = surface.followed(*foot_, tip_m);
+  } else {
+    // a free one matters only so near that it can be inside at the next tick
+    foot_ = surface.foot_of(tip_m, is_touch ? SearchedSurface::kFar_m : kFarthestMove_m);
+    was_pressed_ = false;
+  }
+  was_pressed_ = was_pressed_ || is_touch;
+  tip_m_ = tip_m;
+}
+
+/// Of one on which no force acts. Until it was pressed no tissue has given way: then all that
+/// matters is whether its centre is outside.
+bool TipFoot::has_left(const SearchedSurface& surface, const Vector3& tip_m) const {
+  const auto nearest = surface.foot_of(tip_m, SearchedSurface::kFar_m);
+  if (!nearest) return true;
+  const Vector3 from_m = tip_m - nearest->point_m;
+  return nearest->normal.dot(from_m) >= 0.0 && (!was_pressed_ || from_m.norm() > tip_radius_m_);
 }
 
 }  // namespace palpate

@@ -24,6 +24,8 @@ class SearchedSurface {
  public:
   /// Most points of what is to be searched, whatever its size; about.
   static constexpr std::size_t kMostPoints = 600'000;
+  /// A touch farther away is none of this surface.
+  static constexpr double kFar_m = 0.1;
 
   /// One point in each piece of the triangles, at a place of the piece that is random and always
   /// the same: no direction of a path is favoured. Pieces that may have a part of the area are
@@ -56,8 +58,11 @@ class SearchedSurface {
   /// @param last  of this surface
   [[nodiscard]] Foot followed(const Foot& last, const Vector3& place_m) const;
 
-  /// Everything within `radius_m` of the place is searched that faces as it does, or is turned away
-  /// by at most 120°: not the other side of thin tissue, nor that of a fold.
+  /// Normals of one side: they are turned away from each other by at most 120°. Not that of the
+  /// other side of thin tissue, nor of a fold.
+  [[nodiscard]] static bool is_same_side(const Vector3& normal, const Vector3& other);
+
+  /// Everything within `radius_m` of the place is searched that is on its side.
   /// @param normal  of the surface there
   void search(const Vector3& place_m, const Vector3& normal);
 
@@ -101,6 +106,28 @@ class SearchedSurface {
   static constexpr std::int32_t kFarCell = 1'000'000'000;
   Cell first_cell_{kFarCell, kFarCell, kFarCell};  // that has points
   Cell last_cell_{-kFarCell, -kFarCell, -kFarCell};
+};
+
+/// Where a tip is on a surface, from tick to tick, whether a force acts or not. Of a tip whose
+/// centre is outside that is the nearest place. One that goes in stays on the side on which it went
+/// in, although another may be nearer; one that was pressed beyond the other side of thin tissue
+/// stays there until it is free: no force, and farther than its radius from the surface at rest.
+class TipFoot {
+ public:
+  explicit TipFoot(double tip_radius_m) : tip_radius_m_(tip_radius_m) {}
+
+  /// @param surface  always the same
+  void follow(const SearchedSurface& surface, const Vector3& tip_m, bool is_touch);
+  /// None: it is far from the surface.
+  [[nodiscard]] const std::optional<SearchedSurface::Foot>& foot() const { return foot_; }
+
+ private:
+  [[nodiscard]] bool has_left(const SearchedSurface& surface, const Vector3& tip_m) const;
+
+  double tip_radius_m_;
+  Vector3 tip_m_ = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());  // of foot_
+  std::optional<SearchedSurface::Foot> foot_;
+  bool was_pressed_ = false;  // since it went in
 };
 
 }  // namespace palpate

@@ -150,6 +150,12 @@ struct DeviceCounters {
   std::uint64_t dead_man_ticks = 0;  ///< without force because the dead-man button was not held
   /// Without force because the readings stood still although it pushed.
   std::uint64_t frozen_ticks = 0;
+  /// Without force after the first answer: the device waited for its connection or calibration;
+  /// for a person's acknowledgement, the dead-man button being held if there is one; its motors
+  /// were checked.
+  std::uint64_t uncalibrated_ticks = 0;
+  std::uint64_t unacknowledged_ticks = 0;
+  std::uint64_t checking_ticks = 0;
   DevicePhase phase = DevicePhase::kUnknown;
   std::uint64_t page_acknowledgements = 0;          ///< by a person at a page
   std::uint64_t page_acknowledgements_refused = 0;  ///< the device was not as the page had shown

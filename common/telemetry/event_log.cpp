@@ -4,6 +4,8 @@
 namespace palpate {
 namespace {
 
+constexpr std::uint64_t kLongDebt_ticks = 1'000;  // in all; shorter debts are no news
+
 /// An episode ends after this long without a tick of it.
 constexpr Duration kQuiet = std::chrono::seconds(1);
 
@@ -161,6 +163,13 @@ void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
   too_fast_.note(counters.too_fast_ticks, now);
   motions_dropped_.note(counters.motions_dropped, now);
   ledger_resets_.note(counters.ledger_resets, now);
+  if (!has_told_debt_ && counters.debt_ticks >= kLongDebt_ticks) {
+    has_told_debt_ = true;
+    log_.warn(
+        "event=energy_debt ticks={}: the account is below 0, and the force stays within what "
+        "friction bears until the hand has paid it back; told once",
+        counters.debt_ticks);
+  }
   grips_.note(counters.grips, now);
   grips_torn_.note(counters.grips_torn, now);
   grips_slipped_.note(counters.grips_slipped, now);

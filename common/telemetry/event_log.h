@@ -103,6 +103,7 @@ class EventLog<MofcCounters> {
   LinkEvents standby_interaction_;
   spdlog::logger& log_;
   std::uint64_t physics_switches_ = 0;
+  bool has_told_debt_ = false;
   GrowthEvent late_physics_;
   GrowthEvent too_fast_;
   GrowthEvent motions_dropped_;

@@ -58,6 +58,7 @@ struct MofcCounters {
   std::uint64_t ticks = 0;
   std::uint64_t contact_ticks = 0;
   std::uint64_t clamped_ticks = 0;
+  std::uint64_t debt_ticks = 0;      ///< of these: E' was below 0, so only what friction bears acts
   std::uint64_t too_fast_ticks = 0;  ///< the hand exceeded the speed assumed by mode guard
   std::uint64_t stale_ticks = 0;
   std::uint64_t late_physics_ticks = 0;  ///< wait_for_physics expired

@@ -209,6 +209,7 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["path_deviation_rms_m"] = number_or_null(s.path_deviation_rms_m());
   json["path_deviation_peak_m"] = number_or_null(s.path_deviation_peak_m());
   json["clamp_ratio"] = number_or_null(s.clamp_ratio());
+  json["debt_ticks"] = report.mofc.debt_ticks;
   json["answered_ratio"] = number_or_null(answered_ratio(report.device));
   json["motions_suppressed"] = report.mofc.motions_suppressed;
   json["physics_term"] = report.mofc.physics_term;

@@ -9,6 +9,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstddef>
+#include <cstdlib>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
@@ -227,7 +229,7 @@ TrialRow Folder::row_in(const fs::path& file, const std::optional<Trial>& trial)
   return row;
 }
 
-std::vector<std::uint64_t> Folder::participants() const {
+std::vector<std::uint64_t> Folder::folders() const {
   std::vector<std::uint64_t> found;
   for (const auto& entry : fs::directory_iterator(path_)) {
     const std::string name = entry.path().filename().string();
@@ -236,11 +238,40 @@ std::vector<std::uint64_t> Folder::participants() const {
     if (!is_number || name.size() >= 10) continue;
     const std::uint64_t participant = std::stoull(name.substr(1));
     // S1 beside S001 is a copy
-    if (folder_of(participant).filename() != name) continue;
-    if (fs::exists(trial_folder(participant, 1) / kRowFile)) found.push_back(participant);
+    if (folder_of(participant).filename() == name) found.push_back(participant);
   }
   std::sort(found.begin(), found.end());
   return found;
+}
+
+std::vector<std::uint64_t> Folder::participants() const {
+  std::vector<std::uint64_t> found = folders();
+  std::erase_if(found, [&](std::uint64_t participant) {
+    std::error_code error;
+    return !fs::exists(trial_folder(participant, 1) / kRowFile, error);
+  });
+  return found;
+}
+
+std::vector<LeftOut> Folder::left_out() const {
+  std::vector<LeftOut> all;
+  for (const std::uint64_t participant : folders()) {
+    std::vector<std::uint64_t> done;
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder_of(participant), error)) {
+      const std::string name = entry.path().filename().string();
+      const std::uint64_t number = std::strtoull(name.substr(name.find('_') + 1).c_str(), {}, 10);
+      const bool is_trial = trial_folder(participant, number).filename() == name;
+      if (is_trial && fs::exists(entry.path() / kRowFile, error)) done.push_back(number);
+    }
+    std::sort(done.begin(), done.end());
+    std::size_t counted = 0;
+    while (counted < done.size() && done[counted] == counted + 1) ++counted;
+    if (counted == done.size()) continue;
+    all.push_back({.missing = trial_folder(participant, counted + 1) / kRowFile,
+                   .trials = {done.begin() + static_cast<std::ptrdiff_t>(counted), done.end()}});
+  }
+  return all;
 }
 
 std::vector<std::string> Folder::files() const {

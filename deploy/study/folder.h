@@ -25,6 +25,12 @@ struct TrialRow {
   std::string cells;               ///< all of them, as in the file
 };
 
+/// Trials that are done and count in nothing, since one before them is missing.
+struct LeftOut {
+  std::filesystem::path missing;           ///< row of that one
+  std::vector<std::uint64_t> trials = {};  ///< numbers of those behind it
+};
+
 class Folder {
  public:
   /// Creates it, with a key of its own for people (`key.csv`) and for the simulated
@@ -45,6 +51,8 @@ class Folder {
   [[nodiscard]] const Key& key() const { return key_; }
   /// Who has done at least one trial, of people or of the simulated.
   [[nodiscard]] std::vector<std::uint64_t> participants() const;
+  /// Of those whose folders have a trial behind one that is missing.
+  [[nodiscard]] std::vector<LeftOut> left_out() const;
 
   /// The files of the folder, and those of its trials.
   [[nodiscard]] std::vector<std::string> files() const;
@@ -54,6 +62,8 @@ class Folder {
 
  private:
   void create() const;
+  /// Whose folder is there, in order.
+  [[nodiscard]] std::vector<std::uint64_t> folders() const;
   [[nodiscard]] std::string cells_before_answer(const Trial& trial) const;
   [[nodiscard]] TrialRow row_in(const std::filesystem::path& file,
                                 const std::optional<Trial>& trial) const;

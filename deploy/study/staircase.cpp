@@ -30,12 +30,29 @@ void Staircase::answer(bool is_right) {
       std::min(plan_.most_ratio, difference_ratio_ * std::pow(plan_.step_factor, step));
 }
 
+Staircase::Pairs Staircase::pairs() const {
+  Pairs pairs;
+  for (std::size_t i = kLeftOut + reversals_.size() % 2; i + 1 < reversals_.size(); i += 2) {
+    if (std::max(reversals_[i], reversals_[i + 1]) >= plan_.most_ratio) {
+      ++pairs.at_limit;
+    } else {
+      ++pairs.within;
+      pairs.sum_of_logs += std::log(reversals_[i]) + std::log(reversals_[i + 1]);
+    }
+  }
+  return pairs;
+}
+
 double Staircase::threshold_ratio() const {
-  const std::size_t odd = reversals_.size() % 2;
-  if (reversals_.size() < kLeftOut + odd + 2) return std::numeric_limits<double>::quiet_NaN();
-  double sum = 0.0;
-  for (std::size_t i = kLeftOut + odd; i < reversals_.size(); ++i) sum += std::log(reversals_[i]);
-  return std::exp(sum / static_cast<double>(reversals_.size() - kLeftOut - odd));
+  const Pairs counted = pairs();
+  if (counted.within == 0 || is_beyond_range()) return std::numeric_limits<double>::quiet_NaN();
+  return std::exp(counted.sum_of_logs / (2.0 * static_cast<double>(counted.within)));
+}
+
+bool Staircase::is_beyond_range() const {
+  const Pairs counted = pairs();
+  return difference_ratio_ >= plan_.most_ratio ||
+         (counted.at_limit > 0 && counted.at_limit >= counted.within);
 }
 
 }  // namespace palpate::study

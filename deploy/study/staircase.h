@@ -3,6 +3,7 @@
 // until it is where the answers turn.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -25,11 +26,23 @@ class Staircase {
   }
   /// Differences at which it turned.
   [[nodiscard]] const std::vector<double>& reversals() const { return reversals_; }
-  /// Geometric mean of an even number of reversals, the first two or three left out; NaN if there
-  /// are not at least two more.
+  /// Geometric mean of an even number of reversals, the first two or three left out, and pairs of
+  /// which one is at the largest difference: there it could not grow. NaN if there are not at least
+  /// two more, or is_beyond_range().
   [[nodiscard]] double threshold_ratio() const;
+  /// It is at the largest difference, or as many pairs of its reversals have been as have not: the
+  /// threshold lies there or beyond.
+  [[nodiscard]] bool is_beyond_range() const;
 
  private:
+  /// Of reversals that count.
+  struct Pairs {
+    std::size_t at_limit = 0;  // left out
+    std::size_t within = 0;
+    double sum_of_logs = 0.0;  // of those within
+  };
+  [[nodiscard]] Pairs pairs() const;
+
   StaircasePlan plan_;
   double difference_ratio_;
   std::uint64_t trials_ = 0;

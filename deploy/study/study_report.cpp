@@ -35,9 +35,11 @@ struct ConditionFigures {
   std::size_t participants = 0;
   std::vector<double> log_thresholds{};
   bool has_short_staircase = false;  ///< one has ended with too few reversals for a threshold
+  std::size_t beyond_range = 0;      ///< so many have ended at the largest difference
 };
 
-std::string threshold_text(const ConditionFigures& figures) {
+/// Of those that have one.
+std::string mean_threshold_text(const ConditionFigures& figures) {
   const std::vector<double>& logs = figures.log_thresholds;
   if (logs.empty()) {
     return figures.has_short_staircase ? "not known: too few reversals within most_trials"
@@ -54,6 +56,17 @@ std::string threshold_text(const ConditionFigures& figures) {
   const double half = student_975(logs.size() - 1) * std::sqrt(squares / (n - 1.0) / n);
   return fmt::format("{} (95 % interval {:.1f} … {:.1f} %, {} participants)", middle,
                      100.0 * std::exp(mean - half), 100.0 * std::exp(mean + half), logs.size());
+}
+
+std::string threshold_text(const ConditionFigures& figures, double most_ratio) {
+  if (figures.beyond_range == 0) return mean_threshold_text(figures);
+  const std::string beyond =
+      fmt::format("beyond the range of the staircase ({:.4g} %)", 100.0 * most_ratio);
+  const std::string who =
+      fmt::format("of {} participant{}", figures.beyond_range, figures.beyond_range > 1 ? "s" : "");
+  if (figures.log_thresholds.empty()) return fmt::format("{}, {}", beyond, who);
+  return fmt::format("{}; {} it lies {}, so the mean without them is too low",
+                     mean_threshold_text(figures), who, beyond);
 }
 
 }  // namespace
@@ -91,7 +104,9 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
       const double threshold = staircase.threshold_ratio();
       if (!staircase.is_done()) continue;
       ConditionFigures& condition = figures[series.order()[i]];
-      if (std::isfinite(threshold)) {
+      if (staircase.is_beyond_range()) {
+        ++condition.beyond_range;
+      } else if (std::isfinite(threshold)) {
         condition.log_thresholds.push_back(std::log(threshold));
       } else {
         condition.has_short_staircase = true;
@@ -112,7 +127,7 @@ std::string summary_text(const Plan& plan, const Folder& folder, bool is_open) {
     const ConditionFigures& one = figures[i];
     text += fmt::format("  {:<24} {} trials of {} participants",
                         is_open ? plan.conditions[i].name : codes[i], one.trials, one.participants);
-    if (plan.staircase) text += "; threshold " + threshold_text(one);
+    if (plan.staircase) text += "; threshold " + threshold_text(one, plan.staircase->most_ratio);
     text += '\n';
   }
   return text;

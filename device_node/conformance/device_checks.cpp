@@ -213,18 +213,17 @@ CheckOutcome check_force(DeviceBench& bench) {
   return expect_motors(bench, gentle_force_newton(bench), "while the lease runs");
 }
 
-/// By the force of the motors, or by the motion of a device that nobody holds.
+/// By the motion of a device that nobody holds, and by the force of the motors.
 CheckOutcome check_lease(DeviceBench& bench) {
   if (!bench.device().specification().has_motor_watchdog) {
     return not_observable("no motor-side watchdog: the guarantee is not available");
   }
   const Limp at_the_end(bench.device());
-  if (bench.motor_force_newton()) {
-    if (!apply(bench, gentle_force_newton(bench), 5ms)) return failed(kRefused);
-    bench.pass(6ms);
-    return expect_motors(bench, Vector3::Zero(), "1 ms after the lease");
-  }
-  return check_ends_by_motion(bench, {PushEnd::kLease});
+  CheckOutcome ended = check_ends_by_motion(bench, {PushEnd::kLease, PushEnd::kLeaseAlone});
+  if (ended.verdict == CheckVerdict::kFailed || !bench.motor_force_newton()) return ended;
+  if (!apply(bench, gentle_force_newton(bench), 5ms)) return failed(kRefused);
+  bench.pass(6ms);
+  return expect_motors(bench, Vector3::Zero(), "1 ms after the lease");
 }
 
 /// Without a watchdog the reading says what acts: the force within its lease, none after it.

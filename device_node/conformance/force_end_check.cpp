@@ -19,6 +19,7 @@ using namespace std::chrono_literals;
 constexpr Duration kLasts = 10ms;    // of each push, and the lease of each renewal
 constexpr Duration kLonger = 20ms;   // a push to compare with
 constexpr Duration kWatched = 80ms;  // from the begin of each push
+constexpr Duration kAlone = 40ms;    // from the begin of a push that nothing looks at
 constexpr Duration kTurn = 1ms;
 constexpr Duration kMostLate = 5ms;      // friction is not the same twice
 constexpr double kLongerGoes = 1.2;      // times as far at least; twice, for a free mass
@@ -32,6 +33,8 @@ const char* name_of(PushEnd end) {
       return "a force of zero";
     case PushEnd::kLease:
       return "the end of its lease";
+    case PushEnd::kLeaseAlone:
+      return "the end of a lease in which nothing was called";
     case PushEnd::kRelease:
       return "release()";
     case PushEnd::kZeroLease:
@@ -44,6 +47,7 @@ const char* name_of(PushEnd end) {
 
 struct Push {
   Vector3 shift_m = Vector3::Zero();  // mean over kWatched, of what it goes beyond its drift
+  Vector3 later_m = Vector3::Zero();  // likewise, from kAlone on
   Vector3 drift_m_per_s = Vector3::Zero();
   Duration lasted = kLasts;
 };
@@ -54,6 +58,7 @@ bool end_push(HapticDevice& device, const Vector3& force_newton, PushEnd end,
     case PushEnd::kZeroForce:
       return device.apply(Vector3::Zero(), kLasts, at_switch);
     case PushEnd::kLease:
+    case PushEnd::kLeaseAlone:
       return true;
     case PushEnd::kRelease:
       return device.release();
@@ -73,21 +78,27 @@ std::optional<Push> push(DeviceBench& bench, const Vector3& force_newton, PushEn
   if (!drift) return std::nullopt;
   Push push{.drift_m_per_s = *drift};
   // a push that its end fails to end goes on, beyond kMostLate and the latency of any device
-  const bool is_short = end == PushEnd::kZeroForce || end == PushEnd::kLease;
+  const bool is_alone = end == PushEnd::kLeaseAlone;
+  const bool is_short = end == PushEnd::kZeroForce || end == PushEnd::kLease || is_alone;
   const Duration lease = is_short ? kLasts : kLonger;
   DeviceSample first;
   if (!device.apply(force_newton, lease, first)) return std::nullopt;
-  bool is_over = end == PushEnd::kLease;
+  bool is_over = end == PushEnd::kLease || is_alone;
   Vector3 before_m = Vector3::Zero();
   Duration seen{};
   while (seen < kWatched) {
-    bench.pass(kTurn);
+    const bool is_unseen = is_alone && seen == Duration::zero();
+    bench.pass(is_unseen ? kAlone : kTurn);
     DeviceSample now;
     if (!device.read(now)) return std::nullopt;
     const Duration at = std::min(kWatched, now.sampled_at - first.sampled_at);
     const Vector3 moved_m = now.hand_position_m - first.hand_position_m -
                             to_seconds(now.sampled_at - first.sampled_at) * *drift;
-    push.shift_m += to_seconds(at - seen) / to_seconds(kWatched) * 0.5 * (moved_m + before_m);
+    if (is_unseen) before_m = moved_m;
+    const Vector3 mean_m = 0.5 * (moved_m + before_m);
+    const Duration late = std::max(Duration::zero(), at - std::max(seen, kAlone));
+    push.shift_m += to_seconds(at - seen) / to_seconds(kWatched) * mean_m;
+    push.later_m += to_seconds(late) / to_seconds(kWatched - kAlone) * mean_m;
     before_m = moved_m;
     if (at <= seen) return std::nullopt;  // its clock stands
     seen = at;
@@ -162,7 +173,10 @@ CheckOutcome check_ends_by_motion(DeviceBench& bench, std::initializer_list<Push
     for (const PushEnd end : ends) {
       const auto tried = there_and_back(bench, force_newton, end, kLasts);
       if (!tried) return failed_exchange(kNoExchange);
-      const double share = (tried->shift_m.dot(along) - ended_m) / (longer_m - ended_m);
+      const auto way_m = [&](const Push& push) {
+        return (end == PushEnd::kLeaseAlone ? push.later_m : push.shift_m).dot(along);
+      };
+      const double share = (way_m(*tried) - way_m(*ended)) / (way_m(*longer) - way_m(*ended));
       late_s_of[end][i] = to_seconds(ended->lasted - tried->lasted) +
                           share * to_seconds(longer->lasted - ended->lasted);
     }

@@ -13,14 +13,16 @@ namespace palpate::device {
 /// What ends a push.
 enum class PushEnd : std::uint8_t {
   kZeroForce,
-  kLease,  ///< that nothing renews
+  kLease,       ///< that nothing renews
+  kLeaseAlone,  ///< nor does a call come in it, nor for thrice as long after it
   kRelease,
   kZeroLease,  ///< of an apply() of the same force
   kNegativeLease,
 };
 
 /// Compares a push of 10 ms that ends in each of these ways with pushes of 10 and of 20 ms that a
-/// force of zero ends: how far the device goes tells when the force ended.
+/// force of zero ends: how far the device goes tells when the force ended. A driver that ends a
+/// force in its own next call is no watchdog; of kLeaseAlone the motion is seen only afterwards.
 [[nodiscard]] CheckOutcome check_ends_by_motion(DeviceBench& bench,
                                                 std::initializer_list<PushEnd> ends);
 

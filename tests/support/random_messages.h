@@ -315,6 +315,9 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.checked_motor_gain = random.uniform();
   c.frozen_ticks = random.below(1000);
   c.dead_man_ticks = random.bits();
+  c.uncalibrated_ticks = random.bits();
+  c.unacknowledged_ticks = random.bits();
+  c.checking_ticks = random.bits();
   c.phase = static_cast<DevicePhase>(random.below(7));
   c.page_acknowledgements = random.bits();
   c.page_acknowledgements_refused = random.bits();
@@ -330,6 +333,7 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.ticks = random.bits();
   c.contact_ticks = random.bits();
   c.clamped_ticks = random.bits();
+  c.debt_ticks = random.bits();
   c.too_fast_ticks = random.bits();
   c.stale_ticks = random.bits();
   c.late_physics_ticks = random.bits();
@@ -806,6 +810,8 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.accepts_no_motor_watchdog == b.accepts_no_motor_watchdog &&
          a.checked_motor_gain == b.checked_motor_gain && a.frozen_ticks == b.frozen_ticks &&
          a.dead_man_ticks == b.dead_man_ticks && a.phase == b.phase &&
+         a.uncalibrated_ticks == b.uncalibrated_ticks &&
+         a.unacknowledged_ticks == b.unacknowledged_ticks && a.checking_ticks == b.checking_ticks &&
          a.page_acknowledgements == b.page_acknowledgements &&
          a.page_acknowledgements_refused == b.page_acknowledgements_refused &&
          a.is_release_unconfirmed == b.is_release_unconfirmed &&
@@ -816,9 +822,9 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
 inline bool same(const MofcCounters& a, const MofcCounters& b) {
   return same(a.device_state, b.device_state) && same(a.interaction, b.interaction) &&
          a.ticks == b.ticks && a.contact_ticks == b.contact_ticks &&
-         a.clamped_ticks == b.clamped_ticks && a.too_fast_ticks == b.too_fast_ticks &&
-         a.stale_ticks == b.stale_ticks && a.late_physics_ticks == b.late_physics_ticks &&
-         a.ledger_resets == b.ledger_resets &&
+         a.clamped_ticks == b.clamped_ticks && a.debt_ticks == b.debt_ticks &&
+         a.too_fast_ticks == b.too_fast_ticks && a.stale_ticks == b.stale_ticks &&
+         a.late_physics_ticks == b.late_physics_ticks && a.ledger_resets == b.ledger_resets &&
          a.disturbed_contact_ticks == b.disturbed_contact_ticks &&
          a.disturbed_clamped_ticks == b.disturbed_clamped_ticks &&
          a.motions_dropped == b.motions_dropped && a.motions_suppressed == b.motions_suppressed &&

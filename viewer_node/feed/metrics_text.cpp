@@ -189,6 +189,10 @@ void add_device(Page& page, const DeviceCounters& c) {
                 {label("result", "refused"), c.page_acknowledgements_refused}});
   page.counter("device_dead_man_ticks", "Ticks in which the dead-man button was not held.",
                {{"", c.dead_man_ticks}});
+  page.counter("device_waiting_ticks", "Ticks without force after the first answer: it waited.",
+               {{label("for", "calibration"), c.uncalibrated_ticks},
+                {label("for", "acknowledgement"), c.unacknowledged_ticks},
+                {label("for", "motor_check"), c.checking_ticks}});
   page.gauge("device_max_force_newtons", "Largest force since the start.", "", c.max_force_newton);
   page.gauge("device_largest_jump_newtons",
              "Largest change of the force from one tick to the next since the start.", "",
@@ -206,6 +210,7 @@ void add_mofc(Page& page, const MofcCounters& c) {
   page.counter("mofc_ticks_in", "Of these, ticks in each condition.",
                {{label("condition", "contact"), c.contact_ticks},
                 {label("condition", "clamped"), c.clamped_ticks},
+                {label("condition", "debt"), c.debt_ticks},
                 {label("condition", "too_fast"), c.too_fast_ticks},
                 {label("condition", "stale"), c.stale_ticks},
                 {label("condition", "late_physics"), c.late_physics_ticks},

@@ -40,16 +40,17 @@ void for_each_count(DeviceCounters& a, const DeviceCounters& b, const DeviceCoun
   visit(a.loop.ticks, b.loop.ticks, c.loop.ticks);
   visit(a.loop.skipped_ticks, b.loop.skipped_ticks, c.loop.skipped_ticks);
   for (std::uint64_t DeviceCounters::*const field :
-       {&DeviceCounters::answered_ticks, &DeviceCounters::leased_ticks,
-        &DeviceCounters::fallback_ticks, &DeviceCounters::limp_ticks,
-        &DeviceCounters::peak_limited_ticks, &DeviceCounters::fault_ticks,
-        &DeviceCounters::device_faults, &DeviceCounters::fault_resets,
-        &DeviceCounters::non_finite_commands, &DeviceCounters::late_switches,
-        &DeviceCounters::monitor_reductions, &DeviceCounters::ledger_excesses,
-        &DeviceCounters::too_fast_readings, &DeviceCounters::coarse_readings,
-        &DeviceCounters::outside_readings, &DeviceCounters::dead_man_ticks,
-        &DeviceCounters::frozen_ticks, &DeviceCounters::start_up_ticks,
-        &DeviceCounters::repeated_readings}) {
+       {&DeviceCounters::answered_ticks,       &DeviceCounters::leased_ticks,
+        &DeviceCounters::fallback_ticks,       &DeviceCounters::limp_ticks,
+        &DeviceCounters::peak_limited_ticks,   &DeviceCounters::fault_ticks,
+        &DeviceCounters::device_faults,        &DeviceCounters::fault_resets,
+        &DeviceCounters::non_finite_commands,  &DeviceCounters::late_switches,
+        &DeviceCounters::monitor_reductions,   &DeviceCounters::ledger_excesses,
+        &DeviceCounters::too_fast_readings,    &DeviceCounters::coarse_readings,
+        &DeviceCounters::outside_readings,     &DeviceCounters::dead_man_ticks,
+        &DeviceCounters::frozen_ticks,         &DeviceCounters::start_up_ticks,
+        &DeviceCounters::repeated_readings,    &DeviceCounters::uncalibrated_ticks,
+        &DeviceCounters::unacknowledged_ticks, &DeviceCounters::checking_ticks}) {
     visit(a.*field, b.*field, c.*field);
   }
 }
@@ -64,7 +65,7 @@ void for_each_count(MofcCounters& a, const MofcCounters& b, const MofcCounters& 
         &MofcCounters::motions_dropped, &MofcCounters::motions_suppressed,
         &MofcCounters::transparency_time_ns, &MofcCounters::standby_ticks,
         &MofcCounters::physics_switches, &MofcCounters::grips, &MofcCounters::grips_torn,
-        &MofcCounters::grips_slipped}) {
+        &MofcCounters::grips_slipped, &MofcCounters::debt_ticks}) {
     visit(a.*field, b.*field, c.*field);
   }
   visit(a.transparency_integral_ns, b.transparency_integral_ns, c.transparency_integral_ns);
@@ -108,6 +109,7 @@ MofcCounters counts_before(const MofcBatch& batch) {
   for (const MofcTick& tick : batch.records) {
     if (tick.is_in_contact) take(before.contact_ticks);
     if (tick.is_clamped) take(before.clamped_ticks);
+    if (tick.is_clamped && tick.ledger_energy_joule < 0.0) take(before.debt_ticks);
   }
   return before;
 }
@@ -304,6 +306,7 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["has_motor_watchdog"] = !device.has_no_motor_watchdog;
   json["accepts_no_motor_watchdog"] = device.accepts_no_motor_watchdog;
   json["clamped_ticks"] = mofc.clamped_ticks;
+  json["debt_ticks"] = mofc.debt_ticks;
   json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
   json["answered_ratio"] = number_or_null(answered_ratio(device));
   json["motions_suppressed"] = mofc.motions_suppressed;
@@ -323,6 +326,9 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["fault_ticks"] = device.fault_ticks;
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
   json["start_up_ticks"] = device.start_up_ticks;
+  json["waiting_ticks"] = {{"uncalibrated", device.uncalibrated_ticks},
+                           {"unacknowledged", device.unacknowledged_ticks},
+                           {"checking", device.checking_ticks}};
   json["repeated_readings"] = device.repeated_readings;
   json["longest_skip_ticks"] = device.longest_skip_ticks;
   json["reply_time"] = percentiles_json(figures.reply_time);
@@ -344,7 +350,11 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
   };
   line("in contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
   if (!controller.starts_with("none")) {
-    line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
+    std::string clamped = fmt::format("{} ticks", mofc.clamped_ticks);
+    if (mofc.debt_ticks > 0) {
+      clamped += fmt::format(", {} of them to what friction bears, in debt", mofc.debt_ticks);
+    }
+    line("clamped by MOFC", std::move(clamped));
   }
   line("transparency", figure(mofc.transparency(), "{:.3f}") + " (rendered / requested force)");
   line("largest force", fmt::format("{:.3f} N, largest jump from tick to tick {:.3f} N",

@@ -63,6 +63,9 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
   to.set_accepts_no_motor_watchdog(c.accepts_no_motor_watchdog);
   to.set_dead_man_ticks(c.dead_man_ticks);
+  to.set_uncalibrated_ticks(c.uncalibrated_ticks);
+  to.set_unacknowledged_ticks(c.unacknowledged_ticks);
+  to.set_checking_ticks(c.checking_ticks);
   to.set_checked_motor_gain(c.checked_motor_gain);
   to.set_frozen_ticks(c.frozen_ticks);
   to.set_ledger_excesses(c.ledger_excesses);
@@ -117,6 +120,9 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .accepts_no_motor_watchdog = c.accepts_no_motor_watchdog(),
           .dead_man_ticks = c.dead_man_ticks(),
           .frozen_ticks = c.frozen_ticks(),
+          .uncalibrated_ticks = c.uncalibrated_ticks(),
+          .unacknowledged_ticks = c.unacknowledged_ticks(),
+          .checking_ticks = c.checking_ticks(),
           .phase = static_cast<DevicePhase>(c.phase()),
           .page_acknowledgements = c.page_acknowledgements(),
           .page_acknowledgements_refused = c.page_acknowledgements_refused(),
@@ -132,6 +138,7 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_ticks(c.ticks);
   to.set_contact_ticks(c.contact_ticks);
   to.set_clamped_ticks(c.clamped_ticks);
+  to.set_debt_ticks(c.debt_ticks);
   to.set_stale_ticks(c.stale_ticks);
   to.set_late_physics_ticks(c.late_physics_ticks);
   to.set_ledger_resets(c.ledger_resets);
@@ -161,6 +168,7 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .ticks = c.ticks(),
           .contact_ticks = c.contact_ticks(),
           .clamped_ticks = c.clamped_ticks(),
+          .debt_ticks = c.debt_ticks(),
           .too_fast_ticks = c.too_fast_ticks(),
           .stale_ticks = c.stale_ticks(),
           .late_physics_ticks = c.late_physics_ticks(),

@@ -139,8 +139,8 @@ std::optional<Cause> Causes::paused_clamp() const {
 
 Cause Causes::of_no_answer(double unanswered) const {
   if (const auto cause =
-          found({"device_fault", "device_not_enabled", "dead_man_button", "mofc_silent",
-                 "mofc_restarted", "device_restarted", "command_not_finite"})) {
+          found({"device_waited", "device_fault", "device_not_enabled", "dead_man_button",
+                 "mofc_silent", "mofc_restarted", "device_restarted", "command_not_finite"})) {
     return *cause;
   }
   for (const SimulatedAt place :
@@ -220,9 +220,9 @@ Cause Causes::of_extracted_energy() const {
 }
 
 Cause Causes::of_no_contact() const {
-  if (const auto cause =
-          found({"device_fault", "device_not_enabled", "mofc_silent", "physics_silent",
-                 "device_restarted", "mofc_restarted", "physics_restarted", "dead_man_button"})) {
+  if (const auto cause = found({"device_waited", "device_fault", "device_not_enabled",
+                                "mofc_silent", "physics_silent", "device_restarted",
+                                "mofc_restarted", "physics_restarted", "dead_man_button"})) {
     return *cause;
   }
   const double ticks = static_cast<double>(f_.device.loop.ticks);
@@ -262,10 +262,11 @@ Cause Causes::of_no_contact() const {
 
 /// Of the run, not of single ticks.
 std::optional<Cause> Causes::of_run(double least_share) const {
-  if (auto cause = found({"device_fault", "elastic_failed", "elastic_late", "encoder_coarse",
-                          "readings_repeated", "path_jumps", "hand_too_fast", "monitor_reduced",
-                          "ledger_too_high", "dead_man_button", "position_frozen"},
-                         least_share)) {
+  if (auto cause = found(
+          {"device_waited", "device_fault", "device_not_enabled", "elastic_failed", "elastic_late",
+           "encoder_coarse", "readings_repeated", "path_jumps", "hand_too_fast", "monitor_reduced",
+           "ledger_too_high", "dead_man_button", "position_frozen"},
+          least_share)) {
     return cause;
   }
   if (auto cause = simulated(SimulatedAt::kHostile, 0.0)) return cause;
@@ -459,10 +460,19 @@ std::optional<Cause> Causes::settings(double loss) const {
   return rate_and_mode();
 }
 
+Cause Causes::of_debt() const {
+  if (auto cause = of_run(0.0)) return *cause;
+  if (auto cause = found({"device_restarted", "mofc_restarted"})) return *cause;
+  return {"energy_debt",
+          "the hand got more than was counted for it, as in a pause of the device, and pays it "
+          "back by its motion: see the log; a new start of the session begins a new account"};
+}
+
 Cause Causes::of_loss(double loss) const {
   const LossPlace place = place_of_loss();
   if (const auto cause = held_to_no_force()) return *cause;
   if (const auto cause = of_run(loss / kAftermath)) return *cause;
+  if (const auto cause = found({"energy_debt"}, 0.5 * loss)) return *cause;
   if (place == LossPlace::kDisturbed) {
     if (const auto cause = disturbed_ticks(loss)) return *cause;
   }

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "common/telemetry/verdict/causes.h"
-#include "common/telemetry/verdict/fault_remedy.h"
+#include "common/telemetry/verdict/device_findings.h"
 #include "common/telemetry/verdict/remedies.h"
 
 namespace palpate {
@@ -36,7 +36,7 @@ class Judge {
            keys_remedy("see its messages; `palpate doctor SESSION` checks the machine")});
       return std::move(findings_);
     }
-    judge_device();
+    for (RunFinding& one : device_findings(f_)) findings_.push_back(std::move(one));
     judge_nodes();
     judge_physics();
     judge_hand();
@@ -110,9 +110,7 @@ class Judge {
     return simulated_remedy({SimulatedAt::kClamp}, std::move(otherwise));
   }
 
-  [[nodiscard]] bool has_fault() const {
-    return f_.device.device_faults > 0 || f_.device.phase == DevicePhase::kFaulted;
-  }
+  [[nodiscard]] bool has_fault() const { return palpate::has_fault(f_); }
 
   /// What caused a finding is as grave as it.
   void raise_causes() {
@@ -121,76 +119,6 @@ class Judge {
         const bool is_cause = one.grade != Grade::kGood && one.what == effect->cause;
         if (is_cause) one.grade = std::max(one.grade, effect->grade);
       }
-    }
-  }
-
-  void judge_device() {
-    const DeviceCounters& device = f_.device;
-    if (has_fault()) {
-      const bool is_reset = device.fault_resets >= device.device_faults;
-      const bool is_of_before = !is_reset && f_.device_node.restarts > 0;  // a process that is gone
-      const bool is_latched = device.phase == DevicePhase::kFaulted || (!is_reset && !is_of_before);
-      std::string text = fmt::format("device fault: {}", name(device.last_fault));
-      if (device.device_faults > 1) text += fmt::format(", {} faults", device.device_faults);
-      text += fmt::format("; no force in {} of the ticks{}",
-                          percent(ratio(device.fault_ticks, ticks())),
-                          is_latched     ? ", latched at the end"
-                          : is_of_before ? ", before device_node was started again"
-                                         : ", reset since");
-      const bool is_jump =
-          device.last_fault == FaultReason::kPositionJumped && is_path_too_fast(f_);
-      add({Grade::kBad, "device_fault", text,
-           is_jump ? path_remedy(f_) : remedy_of(device.last_fault)});
-    }
-    if (device.is_release_unconfirmed) {
-      add({Grade::kBad, "release_unconfirmed", "the device did not confirm its release",
-           kReleaseUnconfirmedText});
-    }
-    if (!has_fault() && device.loop.ticks > 0 && device.max_force_newton == 0.0 &&
-        (device.phase == DevicePhase::kClosed || device.phase == DevicePhase::kConnected ||
-         device.phase == DevicePhase::kCalibrated || device.phase == DevicePhase::kChecking)) {
-      add({Grade::kBad, "device_not_enabled",
-           fmt::format("the device gave no force: it is only {}", name(device.phase)),
-           device.phase == DevicePhase::kCalibrated
-               ? "acknowledge it: SIGUSR2 (event=acknowledge_with in the log), or press "
-                 "device.dead_man_button"
-               : "connect and calibrate it as device_node asks"});
-    }
-    const double without_hand = ratio(device.dead_man_ticks, ticks());
-    if (without_hand >= kFairRatio) {
-      add({Grade::kFair, "dead_man_button",
-           "no force in " + percent(without_hand) +
-               " of the ticks: the dead-man button was not held",
-           "hold device.dead_man_button, or leave it out of the session", without_hand});
-    }
-    if (const double frozen = ratio(device.frozen_ticks, ticks()); frozen > 0.0) {
-      add({frozen >= kFairRatio ? Grade::kFair : Grade::kGood, "position_frozen",
-           "no force in " + percent(frozen) +
-               " of the ticks: the positions stood still under a force",
-           "check the encoders; an arm at its end stop, or one that leans on something, does the "
-           "same",
-           frozen});
-    }
-    if (device.coarse_readings > 0) {
-      add({Grade::kBad, "encoder_coarse",
-           fmt::format("{} readings had steps coarser than the profile says",
-                       device.coarse_readings),
-           "give the true one in device.profile.position_resolution_m"});
-    }
-    if (device.outside_readings > 0) {  // a tick has two, before and at its switch
-      add({Grade::kBad, "outside_workspace",
-           thousands(static_cast<double>(device.outside_readings)) +
-               " readings were outside of the device's workspace, where nothing bounds what the "
-               "currents do that its motors hold",
-           "keep the hand inside, or give a larger mount.workspace_half_extent_m",
-           std::min(1.0, ratio(device.outside_readings, 2 * ticks()))});
-    }
-    if (const double repeated = ratio(device.repeated_readings, ticks()); repeated >= kFairRatio) {
-      add({Grade::kFair, "readings_repeated",
-           percent(repeated) + " of the readings had the stamp of the one before",
-           "the driver has no newer reading at each tick: let it wait for one, or lower "
-           "device.rate_hz to the rate of the device",
-           repeated});
     }
   }
 
@@ -237,7 +165,8 @@ class Judge {
                     : std::nullopt);
     }
     if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && !has_fault() &&
-        !causes_.found({"device_not_enabled", "dead_man_button", "position_frozen"})) {
+        !causes_.found(
+            {"device_not_enabled", "device_waited", "dead_man_button", "position_frozen"})) {
       add({Grade::kBad, "mofc_silent", "mofc_node never answered device_node in time",
            simulated_remedy(
                {SimulatedAt::kExchange, SimulatedAt::kClamp, SimulatedAt::kDevice},
@@ -404,6 +333,14 @@ class Judge {
     }
     judge_whether_felt();
     if (!f_.is_limited) return;  // other controllers change every force
+    const double debt = std::min(1.0, ratio(mofc.debt_ticks, mofc.contact_ticks));
+    if (debt >= kFairRatio) {
+      add(grade_above(debt, kFairRatio, kBadRatio), "energy_debt",
+          "in " + percent(debt) +
+              " of the contact the account of the energy was in debt, and the force was held to "
+              "what friction bears",
+          causes_.of_debt(), debt);
+    }
     // also after contact, where a controller asks for force there
     const double clamped = std::min(1.0, ratio(mofc.clamped_ticks, mofc.contact_ticks));
     const Grade grade = grade_above(clamped, kFairRatio, kBadRatio);

@@ -88,22 +88,33 @@ std::string_view glossary() {
 std::vector<GlossaryEntry> glossary_entries(std::string_view markdown) {
   std::vector<GlossaryEntry> entries;
   std::string section;
+  std::vector<std::string> heads;  // of the table, or of what may be one
   bool is_in_table = false;
+  bool is_generated = false;
   while (!markdown.empty()) {
     const std::string_view line = markdown.substr(0, markdown.find('\n'));
     markdown.remove_prefix(std::min(line.size() + 1, markdown.size()));
     if (line.starts_with("## ")) section = plain(line.substr(3));
-    if (!line.starts_with('|')) {
+    if (line.starts_with("<!-- ")) is_generated = line.starts_with("<!-- figures: ");
+    if (!line.starts_with('|') || is_generated) {
       is_in_table = false;
     } else if (line.starts_with("|---")) {
       is_in_table = true;
-    } else if (is_in_table) {
+    } else if (!is_in_table) {
+      heads = cells_of(line);
+    } else {
       const std::vector<std::string> cells = cells_of(line);
       if (cells.size() < 2) continue;
+      std::string meaning = plain(cells.back());
+      std::string unit;
+      for (std::size_t i = 0; i < std::min(heads.size(), cells.size()); ++i) {
+        if (plain(heads[i]) == "definition") meaning = plain(cells[i]);
+        if (plain(heads[i]) == "unit") unit = plain(cells[i]);
+      }
       entries.push_back({.term = plain(cells.front()),
                          .names = names_of(cells.front()),
                          .section = section,
-                         .meaning = plain(cells.back())});
+                         .meaning = meaning + (unit.empty() ? "" : " [" + unit + "]")});
     }
   }
   return entries;

@@ -32,14 +32,16 @@ using ArgumentWords = std::map<std::string, std::vector<std::string>>;
                                      const std::vector<std::string>& settings = {},
                                      const ArgumentWords& arguments = {});
 
-/// An entry of docs/glossary.md, without its marks.
+/// An entry of docs/glossary.md, or of the tables of docs/tasks.md and docs/tasks/studies.md,
+/// without its marks.
 struct GlossaryEntry {
   std::string term;                ///< as written: "f_d, f_co"
   std::vector<std::string> names;  ///< by which it is found, in lower case: "f_d", "f_co"
   std::string section;             ///< "Terms", "CSV columns"
   std::string meaning;
 };
-/// The tables of the glossary in order.
+/// Its tables in order, but for those of measured figures. A meaning is the cell of the column
+/// `definition`, with that of `unit`, else the last one.
 [[nodiscard]] std::vector<GlossaryEntry> glossary_entries(std::string_view markdown);
 /// The glossary as it was when this program was built.
 [[nodiscard]] std::string_view glossary();

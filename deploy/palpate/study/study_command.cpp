@@ -8,6 +8,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -61,6 +62,18 @@ void say_of_older_key(const Folder& folder) {
       "plan can tell the codes from it; it goes on as it began, and a new folder is blind");
 }
 
+/// @return  whether there are none
+bool said_what_is_left_out(const Folder& folder) {
+  const std::vector<study::LeftOut> all = folder.left_out();
+  for (const study::LeftOut& one : all) {
+    say(fmt::format(
+        "{} is missing, so what follows of that participant does not count: trial{} {}; "
+        "put it back, or remove the folders of the trials behind it",
+        one.missing.string(), one.trials.size() > 1 ? "s" : "", fmt::join(one.trials, ", ")));
+  }
+  return all.empty();
+}
+
 struct StudyReportCommand {
   StudyOptions study;
   std::string csv_file;
@@ -99,7 +112,7 @@ struct StudyReportCommand {
       write_file("csv file", csv_file, table_csv(plan, folder, is_open), may_overwrite);
     }
     say_written({csv_file}, verbosity);
-    return 0;
+    return said_what_is_left_out(folder) ? 0 : kExitFailure;
   }
 };
 
@@ -150,6 +163,7 @@ struct StudyCommand {
     if (!verbosity.is_quiet) {
       for (const std::string& note : plan.notes) say(note);
       say_of_older_key(folder);
+      said_what_is_left_out(folder);
     }
     study::Series series(plan, folder.key().square, participant);
     for (const study::TrialRow& row : folder.rows(participant)) series.take(row.is_right);
@@ -160,7 +174,15 @@ struct StudyCommand {
       if (!verbosity.is_quiet) {
         say(fmt::format("participant {}, trial {}", participant, trial->number));
       }
-      const auto answer = do_trial(plan, folder, *trial, verbosity);
+      std::optional<Answer> answer;
+      try {
+        answer = do_trial(plan, folder, *trial, verbosity);
+      } catch (const SetupError&) {
+        throw;
+      } catch (const std::runtime_error& error) {
+        say(error.what());
+        say("so the trial does not count: make room if the disk is full, and do it again");
+      }
       if (!answer) {
         said_to_go_on(*trial, verbosity);
         return kExitFailure;
@@ -206,7 +228,9 @@ struct StudyCommand {
                               .is_quiet = verbosity.is_quiet})) {
       if (!StopSignal::is_requested()) {
         for (const std::string& cause : harmless_causes(place, messages)) say(cause);
-        say("the trial failed; what it said, which can tell the condition, is in " + messages);
+        say("the trial failed and does not count; what it said, which can tell the condition, is "
+            "in " +
+            messages);
       }
       return std::nullopt;
     }

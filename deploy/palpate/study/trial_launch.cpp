@@ -34,10 +34,13 @@ struct Sign {
   const char* words;  // of messages
   const char* cause;
 };
-constexpr std::array<Sign, 6> kSigns{{
+constexpr std::array<Sign, 7> kSigns{{
     {"in use by", "a port or address is in use: end the other program that has it"},
     {"port is in use", "a port or address is in use: end the other program that has it"},
     {"is in use: session", "another session runs: end it first"},
+    {"is already launched",
+     "this session is already launched on this machine, as by another participant: wait for its "
+     "end"},
     {"no device ", "a device was not found: is it connected and switched on?"},
     {"event=device_hangs", "the device does not answer: is it connected and switched on?"},
     {"No space left on device", "the disk is full: make room"},

@@ -118,7 +118,7 @@ std::vector<Lesion> RandomTask::lesions(const LesionRanges& ranges, std::uint64_
   const auto body =
       physics::make_elastic_body(tissue(), task_->tissue, session_.scene.tip_radius_m);
   for (int draws = 0; draws < kMostDraws; ++draws) {
-    std::vector<Lesion> lesions = placed(ranges, *body, random);
+    std::vector<Lesion> lesions = placed(ranges, *body, random, seed);
     predict(lesions);
     const bool can_be_felt = std::all_of(lesions.begin(), lesions.end(), [](const Lesion& one) {
       return std::isfinite(one.palpable_newton);
@@ -132,7 +132,7 @@ std::vector<Lesion> RandomTask::lesions(const LesionRanges& ranges, std::uint64_
 }
 
 std::vector<Lesion> RandomTask::placed(const LesionRanges& ranges, const physics::ElasticBody& body,
-                                       Random& random) const {
+                                       Random& random, std::uint64_t seed) const {
   const double young_pa = std::get<ElasticMaterial>(tissue().material).young_pa;
   const auto in = [&](const Range& range) { return random.uniform(range[0], range[1]); };
   const std::uint64_t count = ranges.count[0] + random.below(ranges.count[1] - ranges.count[0] + 1);
@@ -140,9 +140,11 @@ std::vector<Lesion> RandomTask::placed(const LesionRanges& ranges, const physics
   for (int tries = 0; lesions.size() < count; ++tries) {
     if (tries == kMostTries) {
       throw SetupError(refusal(
-          session_, fmt::format("has no room for {} such lesions; give fewer, smaller or less deep "
-                                "ones, a larger task.palpation.area, or a finer mesh",
-                                count)));
+          session_,
+          fmt::format(
+              "has no room for {} such lesions of seed {}; give fewer, smaller or less deep "
+              "ones, a larger task.palpation.area, or a finer mesh",
+              count, seed)));
     }
     const auto found = std::upper_bound(area_until_m2_.begin(), area_until_m2_.end(),
                                         random.uniform() * area_until_m2_.back());

@@ -82,7 +82,8 @@ class RandomTask {
   [[nodiscard]] const TissueConfig& tissue() const;
   [[nodiscard]] TissueConfig tissue_with(const std::vector<Lesion>& lesions) const;
   [[nodiscard]] std::vector<Lesion> placed(const LesionRanges& ranges,
-                                           const physics::ElasticBody& body, Random& random) const;
+                                           const physics::ElasticBody& body, Random& random,
+                                           std::uint64_t seed) const;
   void predict(std::vector<Lesion>& lesions) const;
   [[nodiscard]] std::optional<double> height_m(double x_m, double y_m) const;
 

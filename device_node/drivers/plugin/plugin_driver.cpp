@@ -87,6 +87,9 @@ class PluginDevice final : public HapticDevice {
     std::array<char, 512> error{};
     device_ = driver_->open(config.options.c_str(), host_.interface(), error.data(), error.size());
     error.back() = '\0';
+    for (char& c : error) {  // it goes to a terminal
+      if (c != '\0' && (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)) c = '?';
+    }
     if (device_ == nullptr) {
       refuse(config, error[0] != '\0' ? error.data() : "the device could not be opened");
     }

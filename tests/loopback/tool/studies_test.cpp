@@ -278,6 +278,49 @@ TEST_F(Studies, ATrialThatFailsSaysCausesThatTellNoCondition) {
                     HasSubstr("messages.txt"), Not(HasSubstr("secret")), Not(HasSubstr("paper"))));
 }
 
+// Both have the session's name: the second is told so, which tells nothing of the condition.
+TEST_F(Studies, OfTwoParticipantsAtOnceTheSecondIsToldWhy) {
+  files_.write("twice.txtpb", R"(
+    name: "study_twice" realtime { priority: 0 cpu: -1 } viewer { web { disabled: true } }
+    scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+    task { free {} time_s: 60 }
+  )");
+  const std::string file =
+      plan("session: \"twice.txtpb\" condition { name: \"secret\" set: \"mofc.mode=paper\" }");
+  Program first("palpate", {"study", file, "--folder", path("t"), "--participant", "1"});
+  ASSERT_TRUE(test::await([&] {
+    return std::filesystem::exists(path("t/P001/trial_001/run.mcap"));
+  })) << first.err();
+  const Outcome second = palpate({"study", file, "--folder", path("t"), "--participant", "2"});
+  first.send_signal(SIGINT);
+  first.wait();
+  EXPECT_EQ(second.status, 1);
+  EXPECT_THAT(second.err, AllOf(HasSubstr("this session is already launched on this machine"),
+                                Not(HasSubstr("secret")), Not(HasSubstr("paper"))));
+}
+
+TEST_F(Studies, AReportOfWhatFollowsAMissingTrialIsIncomplete) {
+  files_.write("own.txtpb", R"(
+    name: "study_gap" hand { hold { position_m { z: 0.01 } } }
+    scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+    task { free {} time_s: 0.2 }
+  )");
+  const std::string file =
+      plan("session: \"own.txtpb\" seconds: 0.2 repeats: 3 condition { name: \"a\" }");
+  ASSERT_EQ(
+      palpate({"study", file, "--folder", path("g"), "--participant", "1", "--loopback"}).status,
+      0);
+  const std::vector<std::string> report{"study",    "report",  file,
+                                        "--folder", path("g"), "--simulated"};
+  EXPECT_EQ(palpate(report).status, 0);
+  std::filesystem::remove(path("g/S001/trial_002/row.csv"));
+  const Outcome outcome = palpate(report);
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.out, HasSubstr("1 trials of 1 participants"));
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("S001/trial_002/row.csv is missing"),
+                                 HasSubstr("does not count: trial 3; ")));
+}
+
 TEST_F(Studies, WrongPlansAreRefusedWithPlaceAndRemedy) {
   const auto refusal = [&](const std::string& text) {
     const Outcome outcome = palpate({"study", plan(text), "--participant", "1"});

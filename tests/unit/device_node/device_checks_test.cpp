@@ -67,6 +67,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   }
   [[nodiscard]] bool read(DeviceSample& sample) noexcept override {
     if (is("slow transfers")) std::this_thread::sleep_for(2ms);
+    end_in_software();
     return device_.read(sample) && name_force(sample) && falsify(sample);
   }
   [[nodiscard]] bool apply(const Vector3& force, Duration lease,
@@ -80,7 +81,9 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     if (is("wrong sign")) sent.x() = -sent.x();
     if (is("twice as strong")) sent *= 2.0;
     const Duration named = lease;
-    if (is("no watchdog") || names_its_force()) lease = lease > Duration::zero() ? 10s : lease;
+    end_in_software();
+    if (is("no watchdog") || is("lease in software") || names_its_force())
+      lease = lease > Duration::zero() ? 10s : lease;
     // an unsigned count of ticks, and a watchdog that 0 switches off
     if (is("lease below zero") && lease < Duration::zero()) lease = 10s;
     if (is("lease of zero") && lease == Duration::zero()) lease = 10s;
@@ -136,6 +139,14 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   /// Without a watchdog: readings say what acts. The first of these two says so and pushes on.
   [[nodiscard]] bool names_its_force() const noexcept {
     return is("goes on after its lease") || is("no fault, no watchdog");
+  }
+  /// Its watchdog is its own next call.
+  void end_in_software() noexcept {
+    DeviceSample sample;
+    if (!is("lease in software") || named_until_ == TimePoint{}) return;
+    if (device_.read(sample) && sample.sampled_at >= named_until_) {
+      static_cast<void>(device_.release());
+    }
   }
   bool name_force(DeviceSample& sample) noexcept {
     if (!names_its_force()) return true;
@@ -279,6 +290,7 @@ TEST(DeviceChecks, NameEachFault) {
                                               {"millinewtons", "force"},
                                               {"first lease only", "renewal"},
                                               {"no watchdog", "lease"},
+                                              {"lease in software", "lease"},
                                               {"a reading that names no force", "reported"},
                                               {"goes on after its lease", "reported"},
                                               {"a latch that is not there", "latch"},
@@ -341,6 +353,7 @@ TEST(DeviceChecks, NameTheFaultsThatTheMotionAloneShows) {
       {"positions 3 ms old", "lag"},
       {"twice as strong", "motors"},
       {"no watchdog", "lease"},
+      {"lease in software", "lease"},
       {"first lease only", "lease"},
       {"lease below zero", "no lease"},
       {"lease of zero", "no lease"},

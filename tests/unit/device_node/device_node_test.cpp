@@ -1172,6 +1172,11 @@ TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgeme
   EXPECT_EQ(ticks(), DevicePhase::kEnabled);
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
   EXPECT_EQ(bench.node.vain_acknowledgements(), 1U);
+  // which is told by what it waited for; the fault has its own count
+  EXPECT_EQ(bench.node.counters().uncalibrated_ticks, 20U);
+  EXPECT_EQ(bench.node.counters().unacknowledged_ticks, 10U);
+  EXPECT_EQ(bench.node.counters().checking_ticks, 0U);
+  EXPECT_EQ(bench.node.counters().fault_ticks, 11U);
 }
 
 // As a hAPI board after a power cycle: its set-up is the first message that it answers.

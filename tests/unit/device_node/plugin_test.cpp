@@ -350,10 +350,15 @@ TEST(PluginConformanceByMotion, TheExampleWithoutAWatchdogPasses) {
   }
 }
 
+TEST(Plugin, WhatItSaysOfItsOpeningIsOneLineWithoutControlCharacters) {
+  EXPECT_THAT(refusal_of(PALPATE_WRONG_DEVICE, "control characters"),
+              HasSubstr("no board?at ?[31mport 3"));
+}
+
 TEST(PluginConformanceByMotion, TheEndOfAForceIsSeen) {
   const CheckOutcome right = outcomes_of("")["lease"];
   EXPECT_EQ(right.verdict, CheckVerdict::kGood) << right.text;
-  for (const char* fault : {"no watchdog", "late"}) {
+  for (const char* fault : {"no watchdog", "late", "lease in software"}) {
     const CheckOutcome found = outcomes_of(fault)["lease"];
     EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
   }

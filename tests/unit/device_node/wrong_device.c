@@ -8,11 +8,17 @@
 
 static char fault[32];
 static int readings;
+static int64_t soft_end_ns; /* of "lease in software": it claims a watchdog, and has none */
 
 static palpate_device* open_wrong(const char* options, const palpate_device_host* host, char* error,
                                   size_t error_size) {
   snprintf(fault, sizeof(fault), "%s", options);
   readings = 0;
+  soft_end_ns = INT64_MAX;
+  if (strcmp(fault, "control characters") == 0) {
+    snprintf(error, error_size, "no board\nat \x1b[31mport 3");
+    return NULL;
+  }
   return open_device("", host, error, error_size);
 }
 
@@ -49,7 +55,13 @@ static void age(palpate_device_reading* out) {
   }
 }
 
+/* the force ends in the next call after its lease, if there is one */
+static void end_in_software(palpate_device* d) {
+  if (d->host->clock_ns(d->host->context) >= soft_end_ns) release_device(d);
+}
+
 static int read_wrong(palpate_device* d, palpate_device_reading* out) {
+  end_in_software(d);
   const int error = read_device(d, out);
   ++readings;
   if (strcmp(fault, "exits") == 0) _exit(0);
@@ -62,6 +74,11 @@ static int read_wrong(palpate_device* d, palpate_device_reading* out) {
 
 static int apply_wrong(palpate_device* d, const double force_newton[3], int64_t lease_ns,
                        palpate_device_reading* at_switch) {
+  end_in_software(d);
+  if (strcmp(fault, "lease in software") == 0 && lease_ns > 0) {
+    soft_end_ns = d->host->clock_ns(d->host->context) + lease_ns;
+    lease_ns = INT64_MAX / 4;
+  }
   if (lease_ns > 0 && strcmp(fault, "late") == 0) lease_ns += 50000000;
   if (lease_ns > 0 && strcmp(fault, "no watchdog") == 0) lease_ns = INT64_MAX / 4;
   /* confirms that no force acts, while it goes on until its lease ends */

@@ -623,6 +623,23 @@ TEST_F(MofcNodeGuards, ClampsToFrictionWhileTheLedgerIsEmpty) {
   EXPECT_EQ(node_.counters().clamped_ticks, 1u);
 }
 
+// Nothing but friction bears a force while the account is below 0, which is told apart from an
+// account that is empty.
+TEST_F(MofcNodeGuards, AForceThatADebtHoldsToFrictionIsCounted) {
+  tick();
+  physics_sends({0, 0, 2});
+  tick();
+  EXPECT_EQ(node_.counters().clamped_ticks, 1u);
+  EXPECT_EQ(node_.counters().debt_ticks, 0u);
+  monitor_energy_joule_ = -1e-6;
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.1, 1e-12);
+  EXPECT_LT(records_.ticks.back().ledger_energy_joule, 0.0);
+  EXPECT_EQ(node_.counters().debt_ticks, 1u);
+  physics_sends({0, 0, 0.05});  // friction bears it all
+  tick();
+  EXPECT_EQ(node_.counters().debt_ticks, 1u);
+}
+
 /// 1 mm of free motion per state: each state reports the last `reported` of them.
 DeviceState moving_state(std::uint64_t k, std::uint64_t reported) {
   const auto at = [](std::uint64_t i) { return TimePoint(static_cast<std::int64_t>(i) * 1ms); };

@@ -7,9 +7,14 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
 
 #include "common/core/check.h"
 #include "common/core/user/nearest.h"
+#include "common/task/score_table.h"
+#include "deploy/study/folder.h"
 
 namespace palpate {
 namespace {
@@ -135,6 +140,22 @@ TEST(Glossary, ThatIsBuiltInExplainsWhatIsShown) {
                            "node_up", "Z-width", "fallback"}) {
     EXPECT_THAT(explain(entries, term), Not(IsEmpty())) << term;
   }
+  // of tasks and studies
+  for (const char* term :
+       {"smoothness", "coverage_ratio", "force_held", "within_ratio", "difference_ratio"}) {
+    EXPECT_THAT(explain(entries, term), Not(IsEmpty())) << term;
+  }
+  std::istringstream columns(table_csv(std::vector<NamedScore>{}) + "," +
+                             regions_csv(std::vector<NamedScore>{}) + "," +
+                             study::Folder::header());
+  for (std::string line; std::getline(columns, line);) {
+    std::istringstream row(line);
+    for (std::string column; std::getline(row, column, ',');) {
+      EXPECT_THAT(explain(entries, column), column.empty() ? IsEmpty() : Not(IsEmpty())) << column;
+    }
+  }
+  EXPECT_THAT(explain(entries, "smoothness").front().meaning, HasSubstr("jerk"));
+  EXPECT_THAT(explain(entries, "force_held").front().meaning, testing::EndsWith("[N]"));
   for (const GlossaryEntry& entry : entries) {
     EXPECT_FALSE(entry.meaning.empty()) << entry.term;
     EXPECT_THAT(entry.meaning, Not(HasSubstr("](")));

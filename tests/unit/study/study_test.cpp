@@ -137,6 +137,39 @@ TEST(Staircase, FallsAfterRightAnswersInARowAndGrowsAfterEachWrongOne) {
   EXPECT_TRUE(staircase.is_done());
 }
 
+// One right answer: down. By hand: 0.5, 0.25, 0.5, 0.25, 0.5, 1, 0.5, 0.25, 0.5, …
+TEST(Staircase, APairOfReversalsAtTheLargestDifferenceIsLeftOut) {
+  const StaircasePlan plan{.field = "x",
+                           .start_ratio = 0.5,
+                           .step_factor = 2.0,
+                           .right_answers = 1,
+                           .reversals = 8,
+                           .most_ratio = 1.0};
+  Staircase staircase(plan);
+  for (const char answer : std::string("rwrwwrrwrwr")) staircase.answer(answer == 'r');
+  EXPECT_THAT(staircase.reversals(), ElementsAre(0.25, 0.5, 0.25, 1.0, 0.25, 0.5, 0.25, 0.5));
+  EXPECT_FALSE(staircase.is_beyond_range());
+  EXPECT_NEAR(staircase.threshold_ratio(), std::sqrt(0.25 * 0.5), 1e-12);
+}
+
+// Who feels nothing is right half of the time, and turns again and again below the limit.
+TEST(Staircase, OfAnObserverWhoOnlyGuessesTheThresholdIsBeyondTheRange) {
+  Random random(7);
+  int beyond = 0;
+  for (int i = 0; i < 200; ++i) {
+    Staircase staircase({.field = "x",
+                         .start_ratio = 0.2,
+                         .step_factor = 1.26,
+                         .reversals = 14,
+                         .most_trials = 400,
+                         .most_ratio = 0.5});
+    while (!staircase.is_done()) staircase.answer(random.below(2) == 0);
+    beyond += staircase.is_beyond_range() ? 1 : 0;
+    EXPECT_TRUE(!staircase.is_beyond_range() || std::isnan(staircase.threshold_ratio()));
+  }
+  EXPECT_GT(beyond, 150);
+}
+
 // An observer who is right with probability Φ(d / 0.2): 2 right answers find Φ⁻¹(√½) · 0.2 = 0.109,
 // 3 right ones Φ⁻¹(2^(−1/3)) · 0.2 = 0.164 [Levitt71].
 TEST(Staircase, SettlesWhereTheTheoryOfLevittSays) {
@@ -291,6 +324,40 @@ TEST_F(StudyFolder, APlaceThatCannotBeMadeIsSaidWithItsReason) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("P001: cannot be made: "),
                                     Not(HasSubstr("No such file")), HasSubstr("--folder")));
   }
+}
+
+// They were done, and a table without them would look whole.
+TEST_F(StudyFolder, TrialsBehindAMissingOneAreNamed) {
+  const Plan plan = plan_of(2, 2);
+  static_cast<void>(done(plan, path(), 1, 100));
+  static_cast<void>(done(plan, path(), 2, 100));
+  const Folder folder(path(), plan, false);
+  std::filesystem::remove(path() / "P001/trial_004/row.csv");  // the newest was cut off
+  EXPECT_THAT(folder.left_out(), IsEmpty());
+  std::filesystem::remove(path() / "P002/trial_002/row.csv");
+  const std::vector<LeftOut> behind = folder.left_out();
+  ASSERT_THAT(behind, SizeIs(1));
+  EXPECT_EQ(behind[0].missing, path() / "P002/trial_002/row.csv");
+  EXPECT_THAT(behind[0].trials, ElementsAre(3, 4));
+  std::filesystem::remove_all(path() / "P001/trial_001");
+  EXPECT_THAT(folder.participants(), ElementsAre(2));
+  ASSERT_THAT(folder.left_out(), SizeIs(2));
+  EXPECT_EQ(folder.left_out()[0].missing, path() / "P001/trial_001/row.csv");
+  EXPECT_THAT(folder.left_out()[0].trials, ElementsAre(2, 3));
+}
+
+TEST_F(StudyFolder, AThresholdBeyondTheRangeIsNone) {
+  Plan plan = plan_of(1);
+  plan.staircase = {.field = "x",
+                    .start_ratio = 0.2,
+                    .step_factor = 2.0,
+                    .reversals = 6,
+                    .most_trials = 10,
+                    .most_ratio = 0.5,
+                    .alternatives = {{}, {}}};
+  EXPECT_THAT(done(plan, path(), 1, 100), SizeIs(10));  // each answer is wrong
+  EXPECT_THAT(summary_text(plan, Folder(path(), plan, false), true),
+              HasSubstr("threshold beyond the range of the staircase (50 %), of 1 participant\n"));
 }
 
 TEST_F(StudyFolder, ACopyOfAParticipantDoesNotCount) {

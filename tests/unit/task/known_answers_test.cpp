@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Figures of hands whose coverage, path, forces and overshoot follow from geometry.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <numbers>
+#include <string>
 #include <utility>
 
 #include "common/core/random.h"
+#include "tests/support/machine/places.h"
+#include "tests/support/temp_folder.h"
 #include "tests/unit/task/task_support.h"
 
 namespace palpate::test {
@@ -207,7 +213,9 @@ TEST(KnownAnswers, TheDepthBesideARimIsThatOfTheWall) {
 }
 
 /// Pressed down to a depth within 1 s and held there; it begins just above the surface.
-TaskScore pressed_into(double side_m, double high_m, double x_m, double depth_m, double tip_m) {
+/// @param from_s  no force acts before: a dead-man button that is pressed late
+TaskScore pressed_into(double side_m, double high_m, double x_m, double depth_m, double tip_m,
+                       double from_s = 0.0) {
   SceneState scene;
   scene.tissues.emplace_back().mesh = pad_mesh(side_m, high_m);
   TaskConfig task = search({lump()});
@@ -219,7 +227,8 @@ TaskScore pressed_into(double side_m, double high_m, double x_m, double depth_m,
   evaluator.take(scene);
   run(evaluator, 2.0, [&](double t_s) {
     const double now_m = depth_m * std::min(t_s, 1.0);
-    return Tip{.at_m = {x_m, 0.0, tip_m - now_m}, .newton = now_m > 1e-4 ? 2.5 : 0.0};
+    const bool is_pressed = now_m > 1e-4 && t_s >= from_s;
+    return Tip{.at_m = {x_m, 0.0, tip_m - now_m}, .newton = is_pressed ? 2.5 : 0.0};
   });
   evaluator.take({marker(1, 1990)});
   evaluator.finish();
@@ -250,6 +259,77 @@ TEST(KnownAnswers, APressStaysOnTheSideOnWhichItBegan) {
     EXPECT_EQ(score.targets[0].outcome, TargetScore::Outcome::kFound);
     EXPECT_NEAR(score.targets[0].force.touch_s, 2.0, 0.03);
     EXPECT_NEAR(score.targets[0].force.median_newton, 2.5, 0.01);
+  }
+}
+
+// A dead-man button pressed late, answers that are missing, a device that is not enabled yet.
+TEST(KnownAnswers, ATipThatGoesInWithoutAForceIsOnTheSideOnWhichItWentIn) {
+  struct Case {
+    double high_m, from_rim_m, depth_m, tip_m;
+  };
+  for (const Case& one : {Case{0.008, 0.05, 0.0095, 0.003}, Case{0.02, 0.05, 0.0155, 0.003},
+                          Case{0.0065, 0.05, 0.008, 0.003}, Case{0.05, 0.006, 0.018, 0.003},
+                          Case{0.05, 0.002, 0.01, 0.006}}) {
+    const TaskScore score =
+        pressed_into(0.1, one.high_m, 0.05 - one.from_rim_m, one.depth_m, one.tip_m, 1.5);
+    SCOPED_TRACE(testing::Message() << one.high_m << " high, " << one.depth_m << " deep");
+    EXPECT_NEAR(score.depth_most_m / one.depth_m, 1.0, 0.01);
+    EXPECT_EQ(score.targets[0].outcome, TargetScore::Outcome::kFound);
+    EXPECT_NEAR(score.targets[0].force.touch_s, 0.5, 0.003);
+  }
+}
+
+/// Straight through a slab of 4 mm, 0.2 s at each of these heights of the centre of a tip of 3 mm.
+double deepest_m(const std::vector<std::pair<double, double>>& height_m_and_newton) {
+  SceneState scene;
+  scene.tissues.emplace_back().mesh = pad_mesh(0.06, 0.004);
+  TaskEvaluator evaluator(search(), ToolShape{.tip_radius_m = 0.003});
+  evaluator.take(scene);
+  constexpr double kEach_s = 0.2;
+  run(evaluator, kEach_s * static_cast<double>(height_m_and_newton.size() - 1), [&](double t_s) {
+    const auto i = static_cast<std::size_t>(t_s / kEach_s);
+    const auto& [from_m, newton] = height_m_and_newton[i];
+    const double share = t_s / kEach_s - static_cast<double>(i);
+    return Tip{.at_m = {0.001, 0, from_m + share * (height_m_and_newton[i + 1].first - from_m)},
+               .newton = newton};
+  });
+  evaluator.finish();
+  return evaluator.score().depth_most_m;
+}
+
+TEST(KnownAnswers, ATipThatIsThroughWithoutAForceIsFree) {
+  // down through it, and up against its underside: 1 mm
+  EXPECT_NEAR(deepest_m({{0.006, 0}, {-0.012, 0}, {-0.006, 1}, {-0.006, 1}}), 0.001, 3e-5);
+  // pressed on, then without a force: through, and again from below
+  EXPECT_NEAR(
+      deepest_m({{0.006, 0}, {0.001, 1}, {0.001, 0}, {-0.012, 0}, {-0.006, 1}, {-0.006, 1}}), 0.002,
+      3e-5);
+  // pressed beyond its place at rest, where the force is missing for a moment
+  EXPECT_NEAR(deepest_m({{0.001, 1}, {-0.005, 0}, {-0.006, 1}, {-0.006, 1}}), 0.009, 3e-5);
+}
+
+// Two millimetres under the top of a slab of 8 mm: who feels its underside has not found it.
+TEST(KnownAnswers, ALesionIsNotFoundFromTheOtherSideOfThinTissue) {
+  SceneState scene;
+  scene.tissues.emplace_back().mesh = pad_mesh(0.06, 0.008);
+  for (const bool is_below : {true, false}) {
+    TaskConfig task = search({lump(0.0)});
+    PalpationTask& palpation = std::get<PalpationTask>(task.kind);
+    palpation.targets[0].center_m = {0, 0, -0.002};
+    palpation.targets[0].radius_m = 0.001;
+    TaskEvaluator evaluator(task, ToolShape{.tip_radius_m = 0.003});
+    evaluator.take(scene);
+    run(evaluator, 1.0, [&](double) {
+      return Tip{.at_m = {0, 0, is_below ? -0.010 : 0.002}, .newton = 2.5};
+    });
+    evaluator.take({marker(1, 990)});
+    evaluator.finish();
+    const TaskScore& score = evaluator.score();
+    EXPECT_EQ(score.targets[0].outcome,
+              is_below ? TargetScore::Outcome::kMissed : TargetScore::Outcome::kFound);
+    EXPECT_EQ(score.count(MarkScore::Outcome::kFalseAlarm), is_below ? 1U : 0U);
+    EXPECT_NEAR(score.targets[0].force.touch_s, is_below ? 0.0 : 1.0, 0.002);
+    EXPECT_NEAR(score.elsewhere.touch_s, is_below ? 1.0 : 0.0, 0.002);
   }
 }
 
@@ -319,6 +399,15 @@ TEST(KnownAnswers, TheMapShowsTheStripThatWasSearched) {
   }
   // the strip is a quarter of the area, and so of the places
   EXPECT_NEAR(static_cast<double>(searched) / static_cast<double>(map.places_m.size()), 0.25, 0.02);
+}
+
+TEST(KnownAnswers, TheMeansOfPathAndSmoothnessAreThoseOfTheDocuments) {
+  const std::string told = text_of(std::filesystem::path(source_dir()) / "docs/tasks.md");
+  const auto means_ms = [](double slot_s) {
+    return fmt::format("means over {:g} ms", 1e3 * slot_s);
+  };
+  EXPECT_THAT(told, testing::HasSubstr("pulls after " + means_ms(HandMotion::kPathSlot_s)));
+  EXPECT_THAT(told, testing::HasSubstr("jerk of " + means_ms(HandMotion::kSlot_s)));
 }
 
 // A circle of radius 20 mm at 0.5 Hz, seen by an encoder with steps of 0.055 mm.

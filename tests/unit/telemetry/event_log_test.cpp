@@ -218,6 +218,20 @@ TEST_F(EventLogTest, TellsEachTroubleOfTheClamp) {
             "warning event=interaction_stale_began\n");
 }
 
+TEST_F(EventLogTest, TellsALongDebtOnce) {
+  EventLog<MofcCounters> events(logger_);
+  MofcCounters counters;
+  counters.debt_ticks = 900;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(), "");
+  counters.debt_ticks = 1'020;
+  events.note(counters, at(milliseconds(100)));
+  EXPECT_THAT(lines(), testing::StartsWith("warning event=energy_debt ticks=1020: "));
+  counters.debt_ticks = 90'000;
+  events.note(counters, at(milliseconds(90'000)));
+  EXPECT_EQ(lines(), "");
+}
+
 TEST_F(EventLogTest, TellsSkippedTicks) {
   EventLog<PhysicsCounters> physics(logger_);
   PhysicsCounters physics_counters;

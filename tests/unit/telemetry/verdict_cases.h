@@ -194,6 +194,34 @@ inline std::vector<VerdictCase> verdict_cases() {
          run.device.max_force_newton = 0.0;
          run.mofc.contact_ticks = 0;
        }},
+      {"a run that ends while the motors are checked",
+       "device_not_enabled",
+       "hold the handle loosely",
+       "bad",
+       [](TroubledRun& run) {
+         run.device.phase = DevicePhase::kChecking;
+         run.device.max_force_newton = 0.4;  // of the check
+         run.device.answered_ticks = 0;
+         run.device.limp_ticks = run.device.start_up_ticks = 10'000;
+         run.mofc.clamped_ticks = 5'000;
+       },
+       {},
+       false},
+      {"a device that waits for its calibration again",
+       "device_waited",
+       "calibrate it",
+       "bad",
+       [](TroubledRun& run) {
+         run.device.uncalibrated_ticks = 5'000;
+         run.device.unacknowledged_ticks = 700;
+         run.device.checking_ticks = 200;
+         run.device.answered_ticks = 10'000 - 6'200;
+         run.device.limp_ticks = 5'900;
+       },
+       {},
+       false},
+      {"an account in debt", "energy_debt", "begins a new account", "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = run.mofc.debt_ticks = 4'000; }},
       {"a dead-man button that was not held", "dead_man_button", "hold", "bad",
        [](TroubledRun& run) {
          run.device.dead_man_ticks = 9'000;

@@ -83,6 +83,29 @@ TEST(Verdict, OfAWorkspaceThatLeavesNoForceBlamesNothingElse) {
   }
 }
 
+// The fault itself took 3 % of the run; the person came 6 s later.
+TEST(Verdict, AfterAFaultNamesWhatTheDeviceWaitedFor) {
+  TroubledRun run;
+  run.device.device_faults = run.device.fault_resets = 1;
+  run.device.last_fault = FaultReason::kDeviceNotReady;
+  run.device.fault_ticks = 300;
+  run.device.uncalibrated_ticks = 5'000;
+  run.device.unacknowledged_ticks = 700;
+  run.device.checking_ticks = 200;
+  run.device.limp_ticks = 5'900;
+  run.device.answered_ticks = 10'000 - 6'200;
+  const std::vector<RunFinding> findings = judge(lockstep_facts(run));
+  EXPECT_THAT(words_of(findings),
+              HasSubstr("no force in 59 % of the ticks: after its first force the device waited "
+                        "for its connection or calibration (50 %), waited for an acknowledgement "
+                        "(7 %), checked its motors (2 %)"));
+  const auto unanswered = std::find_if(findings.begin(), findings.end(), [](const RunFinding& one) {
+    return one.what == "ticks_unanswered";
+  });
+  ASSERT_NE(unanswered, findings.end());
+  EXPECT_EQ(unanswered->cause, "device_waited");
+}
+
 TEST(Verdict, BlamesNoSimulatedFaultWhereThereIsNone) {
   for (const VerdictCase& one : verdict_cases()) {
     const TroubledRun run = run_of(one);
