@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kHeldPenetration_m = 1.0;  // a contact that the tool does not leave
 constexpr double kHeldTrust_m = 1.0;
+constexpr double kLongestNeedle_m = 1.0;
 // What a slower tool feels change is creep, not stiffness.
 constexpr double kStill_m_per_s = 2e-3;
 // Of what was dissipated in the steps before, in a step.
@@ -21,9 +22,21 @@ constexpr double kLongestRelaxation = 50.0;  // of the viscosity of the body
 
 }  // namespace
 
+Grip grip_of(const GripperConfig& gripper, std::uint32_t number, const Vector3& slip_m,
+             const NeedleLaw& needle) noexcept {
+  const bool is_needle = needle.is_there();
+  return {.number = number,
+          .buttons = is_needle ? 0U : 1U << gripper.button,
+          .slip_newton = is_needle ? kMaxTissueForceNewton : gripper.slip_newton(),
+          .tear_newton = is_needle ? kMaxTissueForceNewton : gripper.tear_newton,
+          .reach_m = is_needle ? kLongestNeedle_m : gripper.reach_m,
+          .slip_m = slip_m,
+          .needle = needle};
+}
+
 Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::uint32_t tissue,
                      const Vector3& at_m, const Vector3& v_m_per_s, const Vector3& slip_m,
-                     const Vector3& by_others_newton) noexcept {
+                     const Vector3& by_others_newton, const NeedleLaw& needle) noexcept {
   const Matrix3& K = model.stiffness_newton_per_m;
   Contact contact{
       .tissue = tissue,
@@ -33,12 +46,7 @@ Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::
       .d_force_d_velocity = -model.relaxation_s * K,
       .is_adhesive = true,
       .trust_radius_m = kHeldTrust_m,
-      .grip = {.number = model.number,
-               .buttons = 1U << gripper.button,
-               .slip_newton = gripper.slip_newton(),
-               .tear_newton = gripper.tear_newton,
-               .reach_m = gripper.reach_m,
-               .slip_m = slip_m}};
+      .grip = grip_of(gripper, model.number, slip_m, needle)};
   contact.force_on_tool_newton = model.force_at(at_m, v_m_per_s, by_others_newton);
   contact.stored_energy_joule =
       stored_joule_after(at_m - model.place_m, model.stored_energy_joule,
@@ -194,18 +202,21 @@ Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper, c
                          const Vector3& v_m_per_s, double viscous_ratio,
                          const Vector3& by_others_newton) noexcept {
   if (!holds(model)) return Vector3::Zero();
+  Grip grip = grip_of(gripper, number_, slip_m_, needle_);
   const GripSlip slip =
-      slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s, by_others_newton),
-                   (1.0 + viscous_ratio) * model.stiffness_newton_per_m, gripper.slip_newton());
+      slip_of(grip, slip_m_, model.force_at(tip_m - slip_m_, v_m_per_s, by_others_newton),
+              (1.0 + viscous_ratio) * model.stiffness_newton_per_m);
+  needle_ = grip.needle;
   slip_m_ += slip.slip_m;
-  is_lost_ = slip.force_on_tool_newton.norm() > gripper.tear_newton ||
-             !(slip_m_.norm() <= gripper.reach_m);
+  is_lost_ = slip.is_out || slip.force_on_tool_newton.norm() > grip.tear_newton ||
+             !(slip_m_.norm() <= grip.reach_m);
   return is_lost_ ? Vector3::Zero() : slip.force_on_tool_newton;
 }
 
 void SlippingJaw::follow(const Vector3& slip_m, bool has_let_go) noexcept {
   slip_m_ = slip_m;
   is_lost_ = is_lost_ || has_let_go;
+  if (needle_.is_there()) needle_.deepest_m = std::max(needle_.deepest_m, depth_m());
 }
 
 JawCommand SlippingJaw::command() const noexcept {

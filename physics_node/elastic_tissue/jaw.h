@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jaw.h — the jaws of one tool on one elastic body: what they hold in the full solution, and what
+// jaw.h — the jaws of one tool, or a needle, on one elastic body: what they hold in the full solution, and what
 // that leaves to the steps between two solutions.
 #pragma once
 
@@ -22,6 +22,7 @@ struct JawInput {
   bool is_closed = false;                      ///< the button is held
   Vector3 velocity_m_per_s = Vector3::Zero();  ///< of the tool
   std::optional<GripReport> report{};          ///< of mofc_node, to this physics
+  Vector3 inward_world = -Vector3::UnitZ();    ///< where the tip points, unit
 };
 
 /// What the jaws shall do on one body, as a step of the tool knows it.
@@ -85,7 +86,8 @@ struct GripModel {
 [[nodiscard]] Contact grip_contact(const GripModel& model, const GripperConfig& gripper,
                                    std::uint32_t tissue, const Vector3& at_m,
                                    const Vector3& v_m_per_s, const Vector3& slip_m,
-                                   const Vector3& by_others_newton = Vector3::Zero()) noexcept;
+                                   const Vector3& by_others_newton = Vector3::Zero(),
+                                   const NeedleLaw& needle = {}) noexcept;
 
 /// How many points of the untouched surface the jaws take, where a tip lies on it: at up to some
 /// 2,000 places, sorted.
@@ -156,8 +158,13 @@ class Jaw {
   std::optional<std::uint64_t> known_;  // changes of the body for which the stiffness was made
 };
 
+/// The grip without its place: for the slip, and for hop 3.
+[[nodiscard]] Grip grip_of(const GripperConfig& gripper, std::uint32_t number,
+                           const Vector3& slip_m, const NeedleLaw& needle) noexcept;
+
 /// The jaws of a tool whose slip nobody else decides: they slip by Coulomb's law, tear, and lose
-/// what has slipped out of them. No allocation.
+/// what has slipped out of them. Or a needle, which slips along itself until it is out. No
+/// allocation.
 class SlippingJaw {
  public:
   /// @param closing  number of the closing; 0: they are open
@@ -175,6 +182,13 @@ class SlippingJaw {
   [[nodiscard]] JawCommand command() const noexcept;
   [[nodiscard]] const Vector3& slip_m() const noexcept { return slip_m_; }
   [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
+  [[nodiscard]] bool is_closed() const noexcept { return is_closed_; }
+  [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
+  /// There is none with jaws.
+  [[nodiscard]] NeedleLaw& needle() noexcept { return needle_; }
+  /// Another one: a hole without depth. After set().
+  [[nodiscard]] NeedleLaw& start_needle() noexcept { return needle_ = {}; }
+  [[nodiscard]] double depth_m() const noexcept { return slip_m_.dot(needle_.inward_world); }
   /// Closed around what they took.
   [[nodiscard]] bool holds(const GripModel& model) const noexcept {
     return is_closed_ && !is_lost_ && model.is_holding() && model.number == number_;
@@ -185,6 +199,7 @@ class SlippingJaw {
   bool is_closed_ = false;
   bool is_lost_ = false;
   Vector3 slip_m_ = Vector3::Zero();
+  NeedleLaw needle_{};
 };
 
 }  // namespace palpate::physics

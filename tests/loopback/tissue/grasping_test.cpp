@@ -94,5 +94,55 @@ TEST(Grasping, DelayAndLossDoNotChangeHowHeldTissueFeels) {
   expect_a_held_pull(retracted(network), 0.04);
 }
 
+// --- a needle ------------------------------------------------------------------------------------
+
+Recording pierced(const std::vector<std::string>& overrides, Duration length = 8s) {
+  return run(shipped("biopsy", overrides), length, true);
+}
+
+/// Of the whole run, in and out of the tissue; relative to the largest ideal force.
+double error_ratio_of(const Recording& way) {
+  double error2 = 0.0;
+  double peak = 0.0;
+  for (const TickRow& row : way.rows) {
+    const double ideal = row.ideal_force_on_hand_newton.z();
+    error2 += std::pow(row.device.force_on_hand_newton.z() - ideal, 2);
+    peak = std::max(peak, std::abs(ideal));
+  }
+  EXPECT_GT(peak, 0.4);
+  return std::sqrt(error2 / static_cast<double>(way.rows.size())) / peak;
+}
+
+TEST(Needle, GoesInAndOutAsInFullSolutions) {
+  const Recording way = pierced({}, 16s);
+  EXPECT_LT(error_ratio_of(way), 0.05);
+  EXPECT_EQ(way.mofc.punctures, 2U);
+  EXPECT_EQ(way.mofc.grips, 0U);
+  EXPECT_GE(way.last().device.minimum_true_energy_joule, -1e-6);
+  // the second time there is no membrane
+  double first = 0.0;
+  double second = 0.0;
+  for (std::size_t i = 0; i < way.rows.size(); ++i) {
+    const TickRow& row = way.rows[i];
+    if (!row.mofc || row.mofc->grip != GripState::kNone) continue;
+    double& most = 2 * i < way.rows.size() ? first : second;
+    most = std::max(most, row.device.force_on_hand_newton.z());
+  }
+  EXPECT_GT(first, 0.45);
+  EXPECT_LT(second, 0.25);
+}
+
+TEST(Needle, DelayAndLossDoNotChangeHowItFeels) {
+  std::vector<std::string> network;
+  for (const char* link : {"tool_motion", "interaction"}) {
+    network.push_back(std::string("faults.") + link + ".delay_ms=50");
+    network.push_back(std::string("faults.") + link + ".loss_ratio=0.2");
+  }
+  const Recording way = pierced(network);
+  EXPECT_LT(error_ratio_of(way), 0.05);
+  EXPECT_EQ(way.mofc.punctures, 1U);
+  EXPECT_GE(way.last().device.minimum_true_energy_joule, -1e-6);
+}
+
 }  // namespace
 }  // namespace palpate
