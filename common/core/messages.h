@@ -127,8 +127,8 @@ struct NeedleLaw {
   [[nodiscard]] bool is_there() const noexcept { return !inward_world.isZero(0.0); }
 };
 
-/// How the jaws of a tool, or a needle, hold a tissue. With a_ref = reference − slip_m, the force on the tool is
-/// f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
+/// How the jaws of a tool, or a needle, hold a tissue. With a_ref = reference − slip_m, the force
+/// on the tool is f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
 struct Grip {
   std::uint32_t number = 0;          ///< another one with every closing; 0: nothing is held
   std::uint32_t buttons = 0;         ///< the jaws are open unless all of these are held; 0: needle

@@ -87,13 +87,14 @@ std::string needle_line(const physics::ElasticBody& body, const Session& session
   const double spreads = body.pierced->spreading_ratio * cuts;
   const double in_newton = std::max(body.pierced->membrane_newton, cuts + spreads);
   char text[320];  // NOLINT: for snprintf
-  std::snprintf(text, sizeof text,
-                "needle: goes in at %.3g N, when it has indented the surface by about %.2g mm; then "
-                "cuts with %.3g N, spreads with %.3g N and rubs with %.3g N per cm; holds %zu to "
-                "%zu points of the surface, median %zu",
-                in_newton, std::pow(in_newton / body.hertz_newton, 2.0 / 3.0), cuts, spreads,
-                0.01 * body.pierced->friction_newton_per_m, points.front(), points.back(),
-                points[points.size() / 2]);
+  std::snprintf(
+      text, sizeof text,
+      "needle: goes in at %.3g N, when it has indented the surface by about %.2g mm; then "
+      "cuts with %.3g N, spreads with %.3g N and rubs with %.3g N per cm; holds %zu to "
+      "%zu points of the surface, median %zu",
+      in_newton, std::pow(in_newton / body.hertz_newton, 2.0 / 3.0), cuts, spreads,
+      0.01 * body.pierced->friction_newton_per_m, points.front(), points.back(),
+      points[points.size() / 2]);
   return text;
 }
 

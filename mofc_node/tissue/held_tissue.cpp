@@ -37,8 +37,6 @@ void HeldTissue::take(const Contact& contact, const Interaction& newest, const V
   const Vector3 before =
       is_held_ ? Vector3(law_.at(at_m, velocity) + offset_newton_) : Vector3::Zero();
   offset_newton_ = before - law.at(at_m, velocity);
-  const Vector3& along = contact.grip.needle.inward_world;
-  if (!is_held_) offset_newton_ -= offset_newton_.dot(along) * along;
   law_ = law;
   is_held_ = true;
 }
@@ -90,8 +88,9 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   report_->slip_m += slip.slip_m;
   deepest_m_ = grip.needle.deepest_m;
   const bool is_still = slip.slip_m.isZero(0.0);
-  state_ = is_needle ? is_still ? State::kPierced : State::kPierces
-                     : is_still ? State::kHolds : State::kSlips;
+  state_ = is_needle  ? is_still ? State::kPierced : State::kPierces
+           : is_still ? State::kHolds
+                      : State::kSlips;
   if (newton.norm() > grip.tear_newton) lose(State::kTorn);
   if (slip.is_out) lose(State::kNone);
   if (!(report_->slip_m.norm() <= grip.reach_m)) lose(State::kSlipped);

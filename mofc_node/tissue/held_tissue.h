@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// held_tissue.h — the force of the tissue in the jaws of the tool, or around a needle, at the device's
-// rate.
+// held_tissue.h — the force of the tissue in the jaws of the tool, or around a needle, at the
+// device's rate.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ namespace palpate::mofc {
 /// whatever hop 3 still says. So delay and loss of messages change the force as little as the
 /// stiffness changes meanwhile.
 ///
-/// A needle has no button: physics_node decides when it goes in. It slips along itself (slip_of_needle)
-/// until it is out. Across it F begins at zero, along it with what its law holds.
+/// A needle has no button: physics_node decides when it goes in. It slips along itself
+/// (slip_of_needle) until it is out.
 ///
 /// F begins at zero, and where a new message has another law the force passes to it with a time
 /// constant of 10 ms, by at most newton_per_s · dt per step; where it ends, it ends at once. No

@@ -105,7 +105,7 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
   }
   if (gripper_) {
     if (!tips[0]) tips[0] = {.tip_m = tip_m, .place_m = tip_m};  // what is held comes along
-    tips[0]->slip_m = one.jaw.slip_m();
+    tips[0]->slip_m = one.jaw.slip_since_m();
     one.held.prepare(*one.simulation, 0, *gripper_, one.jaw.command(), tips[0]);
   }
   one.simulation->step(tips);
@@ -150,6 +150,7 @@ void ElasticReference::hold(One& one, const Vector3& tip_m) const {
   const Vector3 velocity = one.held.model().velocity_m_per_s;
   const bool is_needle = one.jaw.needle().is_there();
   if (is_needle) {
+    one.jaw.begin(one.held.model());
     one.piercing.update({.tissue = *one.body->pierced, .needle = *gripper_}, one.jaw.depth_m(),
                         one.jaw.needle());
   }
@@ -164,7 +165,7 @@ void ElasticReference::hold(One& one, const Vector3& tip_m) const {
     return;
   }
   one.contact =
-      grip_contact(one.held.model(), *gripper_, one.body->tissue, tip_m - one.jaw.slip_m(),
+      grip_contact(one.held.model(), *gripper_, one.body->tissue, tip_m - one.jaw.slip_since_m(),
                    velocity, one.jaw.slip_m(), Vector3::Zero(), one.jaw.needle());
   one.velocity_m_per_s = velocity;
 }

@@ -479,7 +479,7 @@ void ElasticTissue::publish() {
     if (is_body_new_) tool->body.publish();
     if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
     if (std::exchange(tool->is_patched, false)) tool->patch.publish();
-    if (gripper_) tool->grip.publish();
+    if (std::exchange(tool->is_grip_new, false)) tool->grip.publish();
   }
   is_body_new_ = false;
 }

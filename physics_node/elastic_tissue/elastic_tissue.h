@@ -236,6 +236,7 @@ class ElasticTissue {
     std::uint32_t punctures = 0;
     // of the slow thread
     Jaw held{};
+    bool is_grip_new = false;                // a draft waits to be published
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
     Vector3 slow_tip_m = Vector3::Zero();
     double slow_time_s = 0.0;

@@ -81,7 +81,7 @@ std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexc
   if (is_needle && !stays_in(own, *model)) return false;
   if (!own.jaw.holds(*model)) return false;
   own.is_holding = true;
-  const Vector3 at_m = own.tip_m - own.jaw.slip_m();
+  const Vector3 at_m = own.tip_m - own.jaw.slip_since_m();
   own.bound_newton = model->error.bound_newton((at_m - model->place_m).norm());
   contact = grip_contact(*model, *gripper_, body_->tissue, at_m, v_m_per_s, own.jaw.slip_m(),
                          by_others_newton, own.jaw.needle());
@@ -95,7 +95,7 @@ Vector3 ElasticTissue::pulled_by_others_newton(const GripModel& model) const noe
     const Tool& other = *tools_[one.tool];
     if (!other.is_holding || other.jaw.number() != one.number) continue;
     newton +=
-        one.pull_newton(other.tip_m - other.jaw.slip_m(), other.jaw_m_per_s, model.relaxation_s);
+        one.pull_newton(other.tip_m - other.jaw.slip_since_m(), other.jaw_m_per_s, model.relaxation_s);
   }
   return newton;
 }
@@ -130,6 +130,7 @@ void ElasticTissue::read_jaws(double step_s) {
     }
     figures_.points_held += tool.held.model().points;
     tool.grip.draft() = tool.held.model();
+    tool.is_grip_new = true;
   }
 }
 

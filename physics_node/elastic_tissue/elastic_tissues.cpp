@@ -125,10 +125,9 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
 void ElasticTissues::close(std::size_t tool, const JawInput& jaw) noexcept {
   if (gripper_->is_needle()) {
     for (auto& tissue : tissues_) {
-      const bool is_elsewhere =
-          std::any_of(tissues_.begin(), tissues_.end(), [&](const auto& other) {
-            return other != tissue && other->is_pierced(tool);
-          });
+      const bool is_elsewhere = std::any_of(
+          tissues_.begin(), tissues_.end(),
+          [&](const auto& other) { return other != tissue && other->is_pierced(tool); });
       tissue->set_needle(tool, jaw, !is_elsewhere);
     }
     return;

@@ -88,8 +88,13 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   if (!tip) return;
   model_.place_m = tip->tip_m - tip->slip_m;
   const std::size_t points = simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m,
-                                             gripper.most_points, gripper.stiffness_newton_per_m);
+                                             gripper.most_points, gripper.stiffness_newton_per_m,
+                                             gripper.is_needle());
   model_.points = static_cast<std::uint32_t>(points);
+  if (gripper.is_needle() && points > 0) {
+    const Vector3 way_m = tip->tip_m - tip->place_m - simulation.moved_m(tool);
+    model_.start_m = std::max(0.0, way_m.dot(command.inward()));
+  }
   changes_ += points > 0 ? 1U : 0U;
   closed_joule_ = simulation.stored_joule();
   lost_joule_ = expected_joule_ = 0.0;
@@ -204,7 +209,7 @@ Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper, c
   if (!holds(model)) return Vector3::Zero();
   Grip grip = grip_of(gripper, number_, slip_m_, needle_);
   const GripSlip slip =
-      slip_of(grip, slip_m_, model.force_at(tip_m - slip_m_, v_m_per_s, by_others_newton),
+      slip_of(grip, slip_m_, model.force_at(tip_m - slip_since_m(), v_m_per_s, by_others_newton),
               (1.0 + viscous_ratio) * model.stiffness_newton_per_m);
   needle_ = grip.needle;
   slip_m_ += slip.slip_m;
@@ -220,11 +225,15 @@ void SlippingJaw::follow(const Vector3& slip_m, bool has_let_go) noexcept {
 }
 
 JawCommand SlippingJaw::command() const noexcept {
+  const Vector3 slip = slip_since_m();
   return {.number = number_,
           .is_closed = is_closed_ && !is_lost_,
-          .slip_x_m = slip_m_.x(),
-          .slip_y_m = slip_m_.y(),
-          .slip_z_m = slip_m_.z()};
+          .inward_x = needle_.inward_world.x(),
+          .inward_y = needle_.inward_world.y(),
+          .inward_z = needle_.inward_world.z(),
+          .slip_x_m = slip.x(),
+          .slip_y_m = slip.y(),
+          .slip_z_m = slip.z()};
 }
 
 }  // namespace palpate::physics

@@ -19,8 +19,7 @@ void ElasticTissue::set_needle(std::size_t tool, const JawInput& input, bool may
   own.jaw_m_per_s = input.velocity_m_per_s;
   own.inward = input.inward_world;
   own.may_pierce = may_pierce && can_be_pierced();
-  own.is_jaw_led =
-      own.jaw.is_closed() && input.report && input.report->number == own.jaw.number();
+  own.is_jaw_led = own.jaw.is_closed() && input.report && input.report->number == own.jaw.number();
   if (own.is_jaw_led) own.jaw.follow(input.report->slip_m, input.report->has_let_go);
   own.jaw_command.store(own.jaw.command());
 }
@@ -48,6 +47,7 @@ bool ElasticTissue::stays_in(Tool& own, const GripModel& model) const noexcept {
     own.jaw_command.store(own.jaw.command());
   }
   if (!own.jaw.holds(model)) return false;
+  own.jaw.begin(model);
   own.piercing.update({.tissue = *whole_->pierced, .needle = *gripper_}, own.jaw.depth_m(),
                       own.jaw.needle());
   return true;

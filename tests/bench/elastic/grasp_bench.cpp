@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// grasp_bench: the force of tissue in the jaws of a gripper, or around a needle, along prescribed paths, at the other
-// end of a network, against full solutions with the same constraints every millisecond. Open loop,
-// on a virtual clock: the forces are the same on every machine.
+// grasp_bench: the force of tissue in the jaws of a gripper, or around a needle, along prescribed
+// paths, at the other end of a network, against full solutions with the same constraints every
+// millisecond. Open loop, on a virtual clock: the forces are the same on every machine.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -137,6 +137,7 @@ Path needle_path() {
   constexpr double kWay_m = 0.029;
   Path path{.name = "needle, 25 mm and again",
             .scene = load_session(test::source_dir() + "/deploy/sessions/biopsy.txtpb").scene,
+            .tip_m = {},
             .seconds = 4.0 * (kSpan_s + kRest_s)};
   path.tip_m = [](double time_s) {
     const double part_s = std::fmod(time_s, 2.0 * (kSpan_s + kRest_s));
@@ -168,7 +169,8 @@ std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "The force of tissue in the jaws of a gripper, or around a needle, at the other end of a network, against full "
+      "The force of tissue in the jaws of a gripper, or around a needle, at the other end of a "
+      "network, against full "
       "solutions with the same constraints every 1 ms. Open loop, virtual time.",
       "grasp_bench"};
   BenchOptions options;

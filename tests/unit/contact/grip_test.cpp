@@ -95,8 +95,8 @@ GripSlip pushed(double newton, double depth_m, double deepest_m) {
                         needle_at(deepest_m), depth_m);
 }
 
-// 10 mm deep the tissue rubs with 0.2 N: below 0.7 N inward and 0.2 N outward it moves with the needle,
-// and across it always does.
+// 10 mm deep the tissue rubs with 0.2 N: below 0.7 N inward and 0.2 N outward it moves with the
+// needle, and across it always does.
 TEST(Needle, StandsBelowWhatCutsSpreadsAndRubs) {
   for (const double newton : {0.699, 0.0, -0.199}) {
     const GripSlip slip = pushed(newton, 0.01, 0.01);
@@ -169,7 +169,8 @@ TEST(Needle, WhateverTheSpringASlipDissipates) {
   }
 }
 
-// The work of an insertion at any speed: J × width × way, what spreads and rubs, and what the spring has.
+// The work of an insertion at any speed: J × width × way, what spreads and rubs, and what the
+// spring has.
 TEST(Needle, TheWorkOfAnInsertionIsToughnessTimesAreaAndFriction) {
   constexpr double kToughness_joule_per_m2 = 160.0;
   constexpr double kWidth_m = 0.0025;  // × 160 J/m²: 0.4 N
@@ -181,9 +182,9 @@ TEST(Needle, TheWorkOfAnInsertionIsToughnessTimesAreaAndFriction) {
   double tool_m = 0.0;
   const auto go = [&](double way_m) {
     tool_m += way_m;
-    const GripSlip slip = slip_of(grip, {0, 0, -slip_m},
-                                  {0, 0, kAxis_newton_per_m * (tool_m - slip_m)},
-                                  kAxis_newton_per_m * Matrix3::Identity());
+    const GripSlip slip =
+        slip_of(grip, {0, 0, -slip_m}, {0, 0, kAxis_newton_per_m * (tool_m - slip_m)},
+                kAxis_newton_per_m * Matrix3::Identity());
     slip_m -= slip.slip_m.z();
     const double now = slip.force_on_tool_newton.z();
     work_joule += 0.5 * (newton + now) * way_m;

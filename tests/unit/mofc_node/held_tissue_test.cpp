@@ -168,7 +168,8 @@ TEST_F(Held, EndsWhenPhysicsSaysThatItHoldsNothing) {
   EXPECT_EQ(held_.state(), State::kNone) << "another physics has torn nothing";
 }
 
-// --- a needle -------------------------------------------------------------------------------------
+// --- a needle
+// -------------------------------------------------------------------------------------
 
 constexpr double kCut_newton = 0.4;
 constexpr double kRub_newton_per_m = 20.0;

@@ -291,8 +291,8 @@ TEST(NeedleRules, NeedsTissueThatLetsItInAndFiguresInRange) {
     return complaints(with_needle(needle, elastic, tool), {}, "/tmp");
   };
   const auto at = [](const std::string& field, const std::string& words) {
-    return AllOf(SizeIs(2), ::testing::Contains(AllOf(StartsWith("x.txtpb:"), HasSubstr(field),
-                                                      HasSubstr(words))));
+    return AllOf(SizeIs(2), ::testing::Contains(
+                                AllOf(StartsWith("x.txtpb:"), HasSubstr(field), HasSubstr(words))));
   };
   EXPECT_THAT(complaint("width_m: 0.02 most_points: 1"), IsEmpty());
   EXPECT_THAT(complaint("", ""), at("scene.tool.needle", "pierced"));
