@@ -93,7 +93,10 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   model_.points = static_cast<std::uint32_t>(points);
   if (gripper.is_needle() && points > 0) {
     const Vector3 way_m = tip->tip_m - tip->place_m - simulation.moved_m(tool);
-    model_.start_m = std::max(0.0, way_m.dot(command.inward()));
+    const double deeper_m = way_m.dot(command.inward());
+    model_.start_m = std::max(0.0, deeper_m);
+    // across it goes in where it would touch the untouched surface
+    simulation.shift(tool, way_m - deeper_m * command.inward());
   }
   changes_ += points > 0 ? 1U : 0U;
   closed_joule_ = simulation.stored_joule();

@@ -22,6 +22,10 @@ class HeldPoints {
   /// together; null: as they lie now
   void take(const std::vector<SurfacePoint>& points, const double* x_m, const Vector3d& at_m,
             double reach_m, std::size_t most, double newton_per_m, const double* rest_m = nullptr);
+  /// They lie so much farther from the tool.
+  void shift(const Vector3d& by_m) noexcept {
+    for (Held& one : held_) one.away_m += by_m;
+  }
   /// Their mean way from there.
   [[nodiscard]] Vector3d moved_m(const double* x_m, const double* rest_m) const noexcept;
   void let_go() noexcept { held_.clear(); }
