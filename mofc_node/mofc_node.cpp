@@ -303,6 +303,7 @@ void MofcNode::count_grip(GripState grip) noexcept {
   if (is_holding(grip) && !is_holding(before)) ++counters_.grips;
   if (grip == GripState::kTorn) ++counters_.grips_torn;
   if (grip == GripState::kSlipped) ++counters_.grips_slipped;
+  if (is_pierced(grip) && !is_pierced(before)) ++counters_.punctures;
 }
 
 }  // namespace palpate::mofc

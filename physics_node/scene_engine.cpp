@@ -57,7 +57,8 @@ bool is_energised(const ToolMotion& motion, const ElasticTissues* elastic) noexc
 JawInput jaw_of(const ToolMotion& motion, std::uint64_t session_id,
                 const ElasticTissues* elastic) noexcept {
   if (elastic == nullptr || !elastic->gripper()) return {};
-  JawInput jaw{.is_closed = is_pressed(motion, elastic->gripper()->button),
+  const GripperConfig& gripper = *elastic->gripper();
+  JawInput jaw{.is_closed = !gripper.is_needle() && is_pressed(motion, gripper.button),
                .velocity_m_per_s = motion.tool_velocity_world_m_per_s};
   if (motion.grip && motion.grip->physics_session_id == session_id) jaw.report = motion.grip;
   return jaw;

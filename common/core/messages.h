@@ -116,15 +116,27 @@ struct ToolMotion {
   std::optional<GripReport> grip{};  ///< none: nothing is held, or physics' own slip counts
 };
 
-/// How the jaws of a tool hold a tissue. With a_ref = reference − slip_m, the force on the tool is
-/// f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
+/// How a needle yields along its hole (contact/elastic/grip.h). Its depth is slip_m · inward.
+struct NeedleLaw {
+  Vector3 inward_world = Vector3::Zero();  ///< unit, of the insertion; zero: no needle but jaws
+  double cutting_newton = 0.0;             ///< deeper than `deepest_m`
+  double spreading_newton = 0.0;           ///< inward
+  double friction_newton_per_m = 0.0;      ///< both ways, by depth
+  double deepest_m = 0.0;                  ///< where the hole ends, ≥ 0
+
+  [[nodiscard]] bool is_there() const noexcept { return !inward_world.isZero(0.0); }
+};
+
+/// How the jaws of a tool, or a needle, hold a tissue. With a_ref = reference − slip_m, the force
+/// on the tool is f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
 struct Grip {
   std::uint32_t number = 0;          ///< another one with every closing; 0: nothing is held
-  std::uint32_t buttons = 0;         ///< the jaws are open unless all of these are held
+  std::uint32_t buttons = 0;         ///< the jaws are open unless all of these are held; 0: needle
   double slip_newton = 0.0;          ///< > 0; a larger force slips
   double tear_newton = 0.0;          ///< > 0; a larger force tears: the jaws lose the tissue
   double reach_m = 0.0;              ///< > 0; having slipped farther it is out of the jaws
   Vector3 slip_m = Vector3::Zero();  ///< of the tool since the closing, at the reference
+  NeedleLaw needle{};                ///< instead of slip_newton
 };
 
 /// Local contact model of one tissue that the tool touches or is close to: the force at the

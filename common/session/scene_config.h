@@ -53,6 +53,27 @@ struct ElasticMaterial {
     double poisson_ratio = 0.0;
     double density_kg_per_m3 = 0.0;
   };
+  /// How a needle goes into it (docs/grasping.md).
+  struct Pierced {
+    /// Of the last of `parts` that contains the tip.
+    struct Tougher {
+      RegionGeometry where{};
+      double toughness_joule_per_m2 = 0.0;
+    };
+    double toughness_joule_per_m2 = 0.0;  ///< of what is cut: crack width × way
+    double spreading_ratio = 0.0;         ///< of the force that spreads to the one that cuts
+    double friction_newton_per_m = 0.0;   ///< along the needle, by depth
+    double membrane_newton = 0.0;         ///< force on the tip that punctures the surface; 0: none
+    std::vector<Tougher> parts{};
+
+    [[nodiscard]] double toughness_at(const Vector3& point_m) const {
+      double toughness = toughness_joule_per_m2;
+      for (const Tougher& part : parts) {
+        if (contains(part.where, point_m)) toughness = part.toughness_joule_per_m2;
+      }
+      return toughness;
+    }
+  };
   /// What gives way where the body is held, such as a ligament: springs on its surface.
   struct Attached {
     RegionGeometry where{};  ///< faces whose centroid lies there
@@ -82,6 +103,7 @@ struct ElasticMaterial {
   double solve_rate_hz = 50.0;
   bool is_linear = false;  ///< elements as in the file; else made quadratic
   double friction_coefficient = 0.0;
+  std::optional<Pierced> pierced{};  ///< none: no needle goes in
 };
 
 using Material = std::variant<KelvinVoigtMaterial, ElasticMaterial>;
@@ -93,7 +115,8 @@ struct TissueConfig {
   TissueMotionConfig motion{};
 };
 
-/// Jaws at the tip that hold elastic tissue (docs/grasping.md).
+/// Jaws at the tip that hold elastic tissue (docs/grasping.md), or a needle that does, along which
+/// the tissue slips by another law.
 struct GripperConfig {
   std::uint32_t button = 0;                ///< the jaws are closed while it is held
   double reach_m = 0.0;                    ///< from the centre of the tip
@@ -102,8 +125,18 @@ struct GripperConfig {
   double jaw_newton = 10.0;                ///< with which they press, both together
   double friction_coefficient = 0.5;       ///< slips above μ · jaw_newton
   double tear_newton = 8.0;                ///< the tissue is lost above
+  double needle_width_m = 0.0;             ///< > 0: a needle; button, jaws and tear do not count
 
+  [[nodiscard]] bool is_needle() const noexcept { return needle_width_m > 0.0; }
   [[nodiscard]] double slip_newton() const noexcept { return friction_coefficient * jaw_newton; }
+};
+
+/// A needle, along −z of the tool frame (docs/grasping.md).
+struct NeedleConfig {
+  double width_m = 0.0;                    ///< of the crack that it cuts
+  double reach_m = 0.0;                    ///< of the points that it holds, from its tip
+  std::uint32_t most_points = 64;          ///< of the surface
+  double stiffness_newton_per_m = 2000.0;  ///< with which it holds them, all together
 };
 
 /// An electrode at the tip that ablates elastic tissue (docs/grasping.md).
@@ -121,8 +154,18 @@ struct SceneConfig {
       0.0;  ///< from the centre of the tip to the handle, along +z of T; 0: no shaft
   double shaft_radius_m = 0.0;
   std::optional<GripperConfig> gripper{};
+  std::optional<NeedleConfig> needle{};  ///< not with a gripper
   std::optional<ElectrodeConfig> electrode{};
   std::vector<TissueConfig> tissues;
+
+  /// What holds elastic tissue: gripper or needle.
+  [[nodiscard]] std::optional<GripperConfig> holder() const {
+    if (!needle) return gripper;
+    return GripperConfig{.reach_m = needle->reach_m,
+                         .most_points = needle->most_points,
+                         .stiffness_newton_per_m = needle->stiffness_newton_per_m,
+                         .needle_width_m = needle->width_m};
+  }
 
   [[nodiscard]] ToolShape tool() const { return {tip_radius_m, shaft_length_m, shaft_radius_m}; }
 };

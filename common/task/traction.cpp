@@ -85,6 +85,8 @@ void Traction::note_change(double t_s) {
     case GripState::kNone:
     case GripState::kHolds:
     case GripState::kSlips:
+    case GripState::kPierced:
+    case GripState::kPierces:
       break;
   }
 }

@@ -147,6 +147,7 @@ EventLog<MofcCounters>::EventLog(spdlog::logger& log)
       grips_(log, spdlog::level::info, "tissue_held"),
       grips_torn_(log, spdlog::level::info, "tissue_torn"),
       grips_slipped_(log, spdlog::level::info, "tissue_slipped_out"),
+      punctures_(log, spdlog::level::info, "tissue_punctured"),
       stale_(log, "interaction_stale") {}
 
 void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
@@ -173,6 +174,7 @@ void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
   grips_.note(counters.grips, now);
   grips_torn_.note(counters.grips_torn, now);
   grips_slipped_.note(counters.grips_slipped, now);
+  punctures_.note(counters.punctures, now);
   stale_.note(counters.stale_ticks, now);
 }
 

@@ -111,6 +111,7 @@ class EventLog<MofcCounters> {
   GrowthEvent grips_;
   GrowthEvent grips_torn_;
   GrowthEvent grips_slipped_;
+  GrowthEvent punctures_;
   EpisodeEvent stale_;
 };
 

@@ -218,6 +218,7 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["grips"] = report.mofc.grips;
   json["grips_torn"] = report.mofc.grips_torn;
   json["grips_slipped"] = report.mofc.grips_slipped;
+  json["punctures"] = report.mofc.punctures;
   json["interactions_suppressed"] = report.physics.interactions_suppressed;
   json["elastic"] = elastic_json(report.physics);
   json["device_faults"] = report.device.device_faults;

@@ -145,7 +145,17 @@ void PhysicsTamperer::lie_about_grip(Interaction& interaction, double t_s) {
         .number = random.chance(0.8) ? 0U : 1U + static_cast<std::uint32_t>(random.below(4)),
         .is_invented = random.chance(0.5),
         .is_strong = random.chance(0.5),
-        .axis = random_vector(random, 1.0)};
+        .axis = random_vector(random, 1.0),
+        .is_needle = random.chance(0.4)};
+    grip_lie_.needle = {
+        .inward_world = random_vector(random, 1.0),
+        .cutting_newton = random.uniform(0.0, 2.0),
+        .spreading_newton = random.uniform(0.0, 1.0),
+        .friction_newton_per_m = random.chance(0.5) ? 0.0 : random_magnitude(random, -1.0, 6.0),
+        .deepest_m = random.chance(0.5) ? 0.0 : random.uniform(0.0, 0.1)};
+    grip_lie_.needle.inward_world += 2.0 * Vector3::UnitX();
+    if (random.chance(0.5)) grip_lie_.needle.inward_world *= -1.0;
+    grip_lie_.needle.inward_world.normalize();
   }
   Contact& contact = interaction.contacts[0];
   if (interaction.listed_count == 0 || contact.grip.number == 0) {
@@ -167,6 +177,10 @@ void PhysicsTamperer::lie_about_grip(Interaction& interaction, double t_s) {
   if (grip_lie_.is_strong) {
     contact.grip.slip_newton = contact.grip.tear_newton = kMaxTissueForceNewton;
     contact.grip.reach_m = 1.0;
+  }
+  if (grip_lie_.is_needle) {
+    contact.grip.needle = grip_lie_.needle;
+    contact.grip.buttons = 0;
   }
 }
 

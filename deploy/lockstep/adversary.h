@@ -61,6 +61,8 @@ class PhysicsTamperer {
     bool is_invented = false;
     bool is_strong = false;
     Vector3 axis = Vector3::Zero();
+    bool is_needle = false;
+    NeedleLaw needle{};
   } grip_lie_;
   ElasticState old_state_;
   std::uint64_t count_ = 0;

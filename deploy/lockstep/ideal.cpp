@@ -18,9 +18,9 @@ constexpr double kMemoryStep_s = 1e-3 - kSameInstant_s;
 Ideal::Ideal(const Session& session, const Side& side)
     : scene_(session.scene),
       elastic_(physics::elastic_bodies_of(session.scene), session.scene.tip_radius_m,
-               kElasticStep_s, session.scene.gripper, session.scene.electrode),
+               kElasticStep_s, session.scene.holder(), session.scene.electrode),
       run_elastic_(elastic_.bodies(), session.scene.tip_radius_m, kElasticStep_s,
-                   session.scene.gripper, session.scene.electrode),
+                   session.scene.holder(), session.scene.electrode),
       grip_buttons_(session.scene.gripper ? 1U << session.scene.gripper->button : 0U),
       electrode_buttons_(session.scene.electrode ? 1U << session.scene.electrode->button : 0U),
       device_(side.device),

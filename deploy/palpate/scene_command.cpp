@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -55,23 +56,55 @@ std::vector<std::string> material_lines(const ElasticMaterial& material) {
   return lines;
 }
 
-/// What the jaws take of an elastic tissue; a warning too, if that is nothing in places.
+/// How many points of an elastic tissue jaws or a needle take; a warning too, if that is none in
+/// places.
+/// @param kind  gripper, needle
+std::vector<std::size_t> points_taken(const physics::ElasticBody& body, const Session& session,
+                                      const char* kind, std::vector<std::string>& warnings) {
+  const GripperConfig holder = *session.scene.holder();
+  const std::vector<std::size_t> points =
+      physics::points_in_reach(body, holder, session.scene.tip_radius_m);
+  const auto none = static_cast<double>(std::count(points.begin(), points.end(), 0U));
+  if (none > 0.0) {
+    char text[240];  // NOLINT: for snprintf
+    std::snprintf(text, sizeof text,
+                  "tissue \"%s\": the %s takes nothing at %.2g %% of the surface: make "
+                  "scene.tool.%s.reach_m (%.3g m) longer, or the mesh finer",
+                  session.scene.tissues[body.tissue].name.c_str(), kind,
+                  100.0 * none / static_cast<double>(points.size()), kind, holder.reach_m);
+    warnings.emplace_back(text);
+  }
+  return points;
+}
+
+/// What a needle does to an elastic tissue.
+std::string needle_line(const physics::ElasticBody& body, const Session& session,
+                        std::vector<std::string>& warnings) {
+  if (!body.pierced) return "needle: does not go in, because it is not `pierced`";
+  const std::vector<std::size_t> points = points_taken(body, session, "needle", warnings);
+  if (points.empty()) return "needle: there is no surface";
+  const double cuts = body.pierced->toughness_joule_per_m2 * session.scene.needle->width_m;
+  const double spreads = body.pierced->spreading_ratio * cuts;
+  const double in_newton = std::max(body.pierced->membrane_newton, cuts + spreads);
+  char text[320];  // NOLINT: for snprintf
+  std::snprintf(
+      text, sizeof text,
+      "needle: goes in at %.3g N, when it has indented the surface by about %.2g mm; then "
+      "cuts with %.3g N, spreads with %.3g N and rubs with %.3g N per cm; holds %zu to "
+      "%zu points of the surface, median %zu",
+      in_newton, std::pow(in_newton / body.hertz_newton, 2.0 / 3.0), cuts, spreads,
+      0.01 * body.pierced->friction_newton_per_m, points.front(), points.back(),
+      points[points.size() / 2]);
+  return text;
+}
+
+/// What the jaws take of an elastic tissue.
 std::string gripper_line(const physics::ElasticBody& body, const Session& session,
                          std::vector<std::string>& warnings) {
   const GripperConfig& gripper = *session.scene.gripper;
-  const std::vector<std::size_t> points =
-      physics::points_in_reach(body, gripper, session.scene.tip_radius_m);
+  const std::vector<std::size_t> points = points_taken(body, session, "gripper", warnings);
   if (points.empty()) return "gripper: there is no surface";
-  const auto none = static_cast<double>(std::count(points.begin(), points.end(), 0U));
   char text[240];  // NOLINT: for snprintf
-  if (none > 0.0) {
-    std::snprintf(text, sizeof text,
-                  "tissue \"%s\": the gripper takes nothing at %.2g %% of the surface: make "
-                  "scene.tool.gripper.reach_m (%.3g m) longer, or the mesh finer",
-                  session.scene.tissues[body.tissue].name.c_str(),
-                  100.0 * none / static_cast<double>(points.size()), gripper.reach_m);
-    warnings.emplace_back(text);
-  }
   std::snprintf(text, sizeof text,
                 "gripper: takes %zu to %zu points of the surface where a tip lies on it, median "
                 "%zu; slips above %.3g N, tears above %.3g N",
@@ -125,6 +158,9 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
       }
       if (session.scene.gripper) {
         reports.push_back("  " + gripper_line(*body, session, warnings));
+      }
+      if (session.scene.needle) {
+        reports.push_back("  " + needle_line(*body, session, warnings));
       }
       if (session.scene.electrode) {
         reports.push_back("  " + electrode_line(*body, session, warnings));

@@ -10,12 +10,14 @@ namespace {
 // Of the passage from one law to the next: half a period of the full solutions, so that their
 // steps are not felt.
 constexpr double kPassage_s = 0.01;
+// A step of no length counts as one of this length.
+constexpr double kLeastStep_s = 1e-4;
 
 }  // namespace
 
 void HeldTissue::reset() noexcept {
   is_held_ = is_listed_ = false;
-  if (state_ == State::kHolds || state_ == State::kSlips) state_ = State::kNone;
+  if (state_ != State::kTorn && state_ != State::kSlipped) state_ = State::kNone;
 }
 
 void HeldTissue::lose(State why) noexcept {
@@ -48,13 +50,15 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   is_listed_ = contact != end;
   if (!is_listed_) {
     // physics_node tore it, or is another one
-    if (is_held_ && report_->physics_session_id == newest.header.session_id) lose(State::kTorn);
+    if (is_held_ && report_->physics_session_id == newest.header.session_id && buttons_ != 0) {
+      lose(State::kTorn);
+    }
     if (is_held_ || (buttons & buttons_) != buttons_) state_ = State::kNone;
     is_held_ = false;
     report_.reset();
     return {};
   }
-  const Grip& grip = contact->grip;
+  Grip grip = contact->grip;
   if (!report_ || report_->physics_session_id != newest.header.session_id ||
       report_->number != grip.number) {
     report_ = {.physics_session_id = newest.header.session_id,
@@ -62,6 +66,7 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
                .slip_m = grip.slip_m};
     is_held_ = false;
     state_ = State::kNone;
+    deepest_m_ = 0.0;
   }
   tissue_ = contact->tissue;
   buttons_ = grip.buttons;
@@ -73,11 +78,21 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   const double offset = std::max(offset_newton_.norm(), 1e-12);
   offset_newton_ *= 1.0 - std::min({1.0, dt_s / kPassage_s, newton_per_s_ * dt_s / offset});
   const Vector3 wanted = law_.at(at_m, tool_velocity_world_m_per_s) + offset_newton_;
-  const GripSlip slip = slip_in_jaws(wanted, law_.stiffness_newton_per_m, grip.slip_newton);
+  const bool is_needle = grip.needle.is_there();
+  grip.needle.deepest_m = std::max(grip.needle.deepest_m, deepest_m_);
+  Matrix3 stiffness = law_.stiffness_newton_per_m;
+  // a needle slips all the time: what it slips, the tissue does not move
+  if (is_needle) stiffness += law_.damping_newton_s_per_m / std::max(kLeastStep_s, dt_s);
+  const GripSlip slip = slip_of(grip, report_->slip_m, wanted, stiffness);
   const Vector3& newton = slip.force_on_tool_newton;
   report_->slip_m += slip.slip_m;
-  state_ = slip.slip_m.isZero(0.0) ? State::kHolds : State::kSlips;
+  deepest_m_ = grip.needle.deepest_m;
+  const bool is_still = slip.slip_m.isZero(0.0);
+  state_ = is_needle  ? is_still ? State::kPierced : State::kPierces
+           : is_still ? State::kHolds
+                      : State::kSlips;
   if (newton.norm() > grip.tear_newton) lose(State::kTorn);
+  if (slip.is_out) lose(State::kNone);
   if (!(report_->slip_m.norm() <= grip.reach_m)) lose(State::kSlipped);
   const double joule = law_.stored_joule_at(tool_position_world_m - report_->slip_m);
   if (!is_held_ || !newton.allFinite() || !std::isfinite(joule)) return {};

@@ -378,6 +378,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                        (1.0 - material.poisson_ratio * material.poisson_ratio) *
                        std::sqrt(tip_radius_m) * std::pow(kHertzDepth_m, 1.5);
   made->friction_coefficient = material.friction_coefficient;
+  made->pierced = material.pierced;
   made->shear_newton_per_m = 4.0 * material.young_pa * std::sqrt(tip_radius_m * kHertzDepth_m) /
                              ((1.0 + material.poisson_ratio) * (2.0 - material.poisson_ratio));
   made->solve_rate_hz = material.solve_rate_hz;
@@ -404,6 +405,7 @@ std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
   made->contact_stiffness_pa_per_m = like.contact_stiffness_pa_per_m;
   made->hertz_newton = like.hertz_newton;
   made->friction_coefficient = like.friction_coefficient;
+  made->pierced = like.pierced;
   made->shear_newton_per_m = like.shear_newton_per_m;
   made->solve_rate_hz = like.solve_rate_hz;
   made->viscosity_s = like.viscosity_s;

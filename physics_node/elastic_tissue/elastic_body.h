@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -63,6 +64,7 @@ struct ElasticBody {
   double shear_newton_per_m = 0.0;
   double solve_rate_hz = 50.0;
   double viscosity_s = 0.0;            ///< Rayleigh's β
+  std::optional<ElasticMaterial::Pierced> pierced = {};
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 
   [[nodiscard]] bool can_tear() const noexcept {

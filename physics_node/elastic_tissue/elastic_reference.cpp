@@ -76,7 +76,7 @@ void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& 
                                bool is_energised) {
   const bool is_due = !next_s_ || time_s > *next_s_ - 1e-6 * step_s_;
   if (is_due) {
-    if (gripper_) close(tip_m, is_closed);
+    if (gripper_ && !gripper_->is_needle()) close(tip_m, is_closed);
     for (One& one : bodies_) {
       if (one.ablation) change_body(one);
       step(one, tip_m, time_s);
@@ -105,7 +105,7 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
   }
   if (gripper_) {
     if (!tips[0]) tips[0] = {.tip_m = tip_m, .place_m = tip_m};  // what is held comes along
-    tips[0]->slip_m = one.jaw.slip_m();
+    tips[0]->slip_m = one.jaw.slip_since_m();
     one.held.prepare(*one.simulation, 0, *gripper_, one.jaw.command(), tips[0]);
   }
   one.simulation->step(tips);
@@ -128,19 +128,45 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
                                 one.stiffness_newton_per_m, tip_radius_m_);
   one.rubbing.settle(tip_m, body.friction_coefficient, body.shear_newton_per_m, one.contact);
   one.full_newton += one.rubbing.force_on_tool_newton();
+  pierce(one);
+}
+
+/// After a touch: the next step holds the tissue.
+void ElasticReference::pierce(One& one) const {
+  const bool is_needle = gripper_ && gripper_->is_needle() && one.body->pierced;
+  if (!is_needle || one.jaw.is_closed()) return;
+  const Piercing::Laws laws{.tissue = *one.body->pierced, .needle = *gripper_};
+  if (!one.piercing.presses(laws, one.full_newton, one.side.place_m(), -Vector3::UnitZ(),
+                            tip_radius_m_)) {
+    return;
+  }
+  one.jaw.set(++one.punctures);
+  one.piercing.update(laws, 0.0, one.jaw.start_needle());
 }
 
 void ElasticReference::hold(One& one, const Vector3& tip_m) const {
   one.held.read(*one.simulation, 0, one.compliance->compliance(), step_s_, one.held.changes(),
                 true);
   const Vector3 velocity = one.held.model().velocity_m_per_s;
+  const bool is_needle = one.jaw.needle().is_there();
+  if (is_needle) {
+    one.jaw.begin(one.held.model());
+    one.piercing.update({.tissue = *one.body->pierced, .needle = *gripper_}, one.jaw.depth_m(),
+                        one.jaw.needle());
+  }
   one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m, velocity,
                                 one.held.model().relaxation_s / step_s_);
   one.rubbing = {};
   one.contact = {};
-  if (!one.jaw.holds(one.held.model())) return;
-  one.contact = grip_contact(one.held.model(), *gripper_, one.body->tissue,
-                             tip_m - one.jaw.slip_m(), velocity, one.jaw.slip_m());
+  if (!one.jaw.holds(one.held.model())) {
+    if (!is_needle) return;
+    one.piercing.leave(one.jaw.needle());
+    one.jaw.set(0);
+    return;
+  }
+  one.contact =
+      grip_contact(one.held.model(), *gripper_, one.body->tissue, tip_m - one.jaw.slip_since_m(),
+                   velocity, one.jaw.slip_m(), Vector3::Zero(), one.jaw.needle());
   one.velocity_m_per_s = velocity;
 }
 

@@ -13,6 +13,7 @@
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 #include "physics_node/elastic_tissue/jaw.h"
+#include "physics_node/elastic_tissue/needle/piercing.h"
 #include "physics_node/scene/scene_force.h"
 
 namespace palpate::physics {
@@ -21,7 +22,7 @@ namespace palpate::physics {
 class ElasticReference {
  public:
   /// @param bodies  may be empty   @param step_s  > 0
-  /// @param gripper, electrode  none: the tool only touches
+  /// @param gripper, electrode  none: the tool only touches. A needle goes in along −z
   ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies, double tip_radius_m,
                    double step_s, const std::optional<GripperConfig>& gripper = {},
                    const std::optional<ElectrodeConfig>& electrode = {});
@@ -58,11 +59,14 @@ class ElasticReference {
     Jaw held{};
     SlippingJaw jaw{};
     Vector3 velocity_m_per_s = Vector3::Zero();  // of the tool that holds it, at the last step
+    Piercing piercing{};
+    std::uint32_t punctures = 0;
   };
   [[nodiscard]] Vector3 force_at(const One& one, const Vector3& tip_m) const noexcept;
   void step(One& one, const Vector3& tip_m, double time_s) const;
   void close(const Vector3& tip_m, bool is_closed);
   void hold(One& one, const Vector3& tip_m) const;
+  void pierce(One& one) const;
   void change_body(One& one) const;
 
   std::vector<std::shared_ptr<const ElasticBody>> whole_;

@@ -139,9 +139,10 @@ void ElasticSimulation::continue_as(const ElasticSimulation& other) {
 }
 
 std::size_t ElasticSimulation::hold(std::size_t tool, const Vector3& at_m, double reach_m,
-                                    std::size_t most, double newton_per_m) {
+                                    std::size_t most, double newton_per_m, bool is_as_at_rest) {
   elastic::HeldPoints& held = tips_.held[tool];
-  held.take(body_.points, dynamics_.x_m().data(), at_m, reach_m, most, newton_per_m);
+  held.take(body_.points, dynamics_.x_m().data(), at_m, reach_m, most, newton_per_m,
+            is_as_at_rest ? body_.start_m.data() : nullptr);
   return held.size();
 }
 

@@ -68,8 +68,15 @@ class ElasticSimulation {
 
   /// From now on a tool holds the nearest points within reach of that place, as the body is now,
   /// and does not touch it with its tip. @see elastic::HeldPoints::take  @return  their number
+  /// @param is_as_at_rest  as they lie to each other in the untouched body
   std::size_t hold(std::size_t tool, const Vector3& at_m, double reach_m, std::size_t most,
-                   double newton_per_m);
+                   double newton_per_m, bool is_as_at_rest = false);
+  /// What it holds lies so much farther from the tool.
+  void shift(std::size_t tool, const Vector3& by_m) { tips_.held[tool].shift(by_m); }
+  /// The mean way of the points that a tool holds, from the untouched body.
+  [[nodiscard]] Vector3 moved_m(std::size_t tool) const noexcept {
+    return tips_.held[tool].moved_m(dynamics_.x_m().data(), body_.start_m.data());
+  }
   void let_go(std::size_t tool) { tips_.held[tool].let_go(); }
   /// By tool. @pre  one that holds has a TipState in every step
   [[nodiscard]] const std::vector<elastic::HeldPoints>& held() const noexcept { return tips_.held; }

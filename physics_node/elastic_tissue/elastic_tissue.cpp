@@ -86,6 +86,7 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
   if (ablation_) follow_body(own);
   if (is_energised && own.side.is_known()) own.energised_s += std::max(0.0, time_s - own.time_s);
   own.tip_m = tip_m;
+  own.step_s = time_s - own.time_s;
   own.time_s = time_s;
   own.last_passed = (own.last_passed + 1) % own.passed.size();
   own.passed[own.last_passed] = {.tip_m = tip_m, .time_s = time_s};
@@ -247,6 +248,7 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
                             tip_radius_m_);
   rubbing.settle(tip_m, whole_->friction_coefficient, whole_->shear_newton_per_m, contact);
   own.rubbing = rubbing;
+  pierce(own, contact);
   return contact.force_on_tool_newton.allFinite();
 }
 
@@ -477,7 +479,7 @@ void ElasticTissue::publish() {
     if (is_body_new_) tool->body.publish();
     if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
     if (std::exchange(tool->is_patched, false)) tool->patch.publish();
-    if (gripper_) tool->grip.publish();
+    if (std::exchange(tool->is_grip_new, false)) tool->grip.publish();
   }
   is_body_new_ = false;
 }

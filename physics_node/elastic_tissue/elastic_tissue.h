@@ -27,6 +27,7 @@
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 #include "physics_node/elastic_tissue/jaw.h"
+#include "physics_node/elastic_tissue/needle/piercing.h"
 #include "physics_node/elastic_tissue/patch_maker.h"
 
 namespace palpate::physics {
@@ -87,6 +88,13 @@ class ElasticTissue {
   /// @param velocity_m_per_s  of the tool
   void set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report,
                const Vector3& velocity_m_per_s) noexcept;
+  /// What a needle does: it goes in by itself where it presses.
+  /// @param may_pierce  it is in no other body
+  void set_needle(std::size_t tool, const JawInput& input, bool may_pierce) noexcept;
+  /// A needle has gone in, and is not out.
+  [[nodiscard]] bool is_pierced(std::size_t tool) const noexcept {
+    return tools_[tool]->jaw.is_closed();
+  }
   /// The contact of the tip where note() put it, or of what the jaws hold; false if the surface is
   /// not within reach.
   bool touch(std::size_t tool, Contact& contact) noexcept;
@@ -210,6 +218,7 @@ class ElasticTissue {
     Vector3 stepped_m = Vector3::Zero();
     Vector3 tip_m = Vector3::Zero();
     double time_s = 0.0;
+    double step_s = 0.0;  // to the last time
     // the last places of the tip, a ring
     struct Passed {
       Vector3 tip_m = Vector3::Zero();
@@ -227,8 +236,13 @@ class ElasticTissue {
     bool is_jaw_led = false;  // by mofc_node
     Vector3 jaw_m_per_s = Vector3::Zero();
     bool is_holding = false;
+    Piercing piercing{};
+    Vector3 inward = -Vector3::UnitZ();  // of the needle
+    bool may_pierce = false;
+    std::uint32_t punctures = 0;
     // of the slow thread
     Jaw held{};
+    bool is_grip_new = false;                // a draft waits to be published
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
     Vector3 slow_tip_m = Vector3::Zero();
     double slow_time_s = 0.0;
@@ -260,6 +274,9 @@ class ElasticTissue {
   void compare(elastic::StatedError& stated, double error_newton, double way_m);
   void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
   void prepare(std::size_t tool, double step_s);
+  [[nodiscard]] bool can_be_pierced() const noexcept;
+  void pierce(Tool& own, const Contact& contact) const noexcept;
+  [[nodiscard]] bool stays_in(Tool& own, const GripModel& model) const noexcept;
   [[nodiscard]] std::optional<bool> hold(Tool& own, Contact& contact) const noexcept;
   [[nodiscard]] Vector3 pulled_by_others_newton(const GripModel& model) const noexcept;
   void close_jaws();

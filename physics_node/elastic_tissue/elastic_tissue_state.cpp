@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The state of an elastic tissue: to continue from, to be shown, what of it is not kept, and what
 // jaws hold of it.
+#include <algorithm>
 #include <mutex>
 #include <stdexcept>
 #include <utility>
@@ -8,6 +9,11 @@
 #include "physics_node/elastic_tissue/elastic_tissue.h"
 
 namespace palpate::physics {
+namespace {
+
+constexpr double kLeastNeedleStep_s = 1e-4;
+
+}  // namespace
 
 void ElasticTissue::continue_as(const ElasticTissue& other) {
   if (ablation_) {
@@ -53,19 +59,32 @@ void ElasticTissue::set_jaw(std::size_t tool, std::uint32_t closing, const GripR
 std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexcept {
   const GripModel* const model = own.grip.newest();
   own.is_holding = false;
+  const bool is_needle = can_be_pierced();
+  if (model != nullptr && is_needle && !stays_in(own, *model) && !model->is_holding()) return {};
   if (model == nullptr || !model->is_holding()) return std::nullopt;
   const Vector3 by_others_newton = pulled_by_others_newton(*model);
+  Vector3 v_m_per_s = own.jaw_m_per_s;
   if (!own.is_jaw_led) {
+    // a needle slips all the time: what it slips, the tissue does not move
+    const double viscous_ratio =
+        is_needle ? model->relaxation_s / std::max(kLeastNeedleStep_s, own.step_s) : 0.0;
+    const Vector3 before_m = own.jaw.slip_m();
     static_cast<void>(
-        own.jaw.act(*model, *gripper_, own.tip_m, own.jaw_m_per_s, 0.0, by_others_newton));
+        own.jaw.act(*model, *gripper_, own.tip_m, v_m_per_s, viscous_ratio, by_others_newton));
     own.jaw_command.store(own.jaw.command());
+    if (is_needle) {
+      v_m_per_s -= (own.jaw.slip_m() - before_m) / std::max(kLeastNeedleStep_s, own.step_s);
+    }
+  } else if (is_needle) {
+    v_m_per_s -= v_m_per_s.dot(own.jaw.needle().inward_world) * own.jaw.needle().inward_world;
   }
+  if (is_needle && !stays_in(own, *model)) return false;
   if (!own.jaw.holds(*model)) return false;
   own.is_holding = true;
-  const Vector3 at_m = own.tip_m - own.jaw.slip_m();
+  const Vector3 at_m = own.tip_m - own.jaw.slip_since_m();
   own.bound_newton = model->error.bound_newton((at_m - model->place_m).norm());
-  contact = grip_contact(*model, *gripper_, body_->tissue, at_m, own.jaw_m_per_s, own.jaw.slip_m(),
-                         by_others_newton);
+  contact = grip_contact(*model, *gripper_, body_->tissue, at_m, v_m_per_s, own.jaw.slip_m(),
+                         by_others_newton, own.jaw.needle());
   return contact.force_on_tool_newton.allFinite();
 }
 
@@ -76,7 +95,7 @@ Vector3 ElasticTissue::pulled_by_others_newton(const GripModel& model) const noe
     const Tool& other = *tools_[one.tool];
     if (!other.is_holding || other.jaw.number() != one.number) continue;
     newton +=
-        one.pull_newton(other.tip_m - other.jaw.slip_m(), other.jaw_m_per_s, model.relaxation_s);
+        one.pull_newton(other.tip_m - other.jaw.slip_since_m(), other.jaw_m_per_s, model.relaxation_s);
   }
   return newton;
 }
@@ -111,6 +130,7 @@ void ElasticTissue::read_jaws(double step_s) {
     }
     figures_.points_held += tool.held.model().points;
     tool.grip.draft() = tool.held.model();
+    tool.is_grip_new = true;
   }
 }
 

@@ -48,7 +48,7 @@ std::shared_ptr<ElasticTissues> ElasticTissues::of(const SceneConfig& scene, std
   const std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
   if (bodies.empty()) return nullptr;
   return std::make_shared<ElasticTissues>(bodies, tools, scene.tip_radius_m, pace, columns_folder,
-                                          scene.gripper, scene.electrode);
+                                          scene.holder(), scene.electrode);
 }
 
 std::vector<std::shared_ptr<BodyCompliance>> compliances_of(
@@ -129,6 +129,15 @@ void ElasticTissues::restore(std::uint32_t tissue) noexcept {
 }
 
 void ElasticTissues::close(std::size_t tool, const JawInput& jaw) noexcept {
+  if (gripper_->is_needle()) {
+    for (auto& tissue : tissues_) {
+      const bool is_elsewhere = std::any_of(
+          tissues_.begin(), tissues_.end(),
+          [&](const auto& other) { return other != tissue && other->is_pierced(tool); });
+      tissue->set_needle(tool, jaw, !is_elsewhere);
+    }
+    return;
+  }
   Closing& closing = closings_[tool];
   if (jaw.is_closed && !closing.is_closed) {
     ++closing.number;

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kHeldPenetration_m = 1.0;  // a contact that the tool does not leave
 constexpr double kHeldTrust_m = 1.0;
+constexpr double kLongestNeedle_m = 1.0;
 // What a slower tool feels change is creep, not stiffness.
 constexpr double kStill_m_per_s = 2e-3;
 // Of what was dissipated in the steps before, in a step.
@@ -21,9 +22,21 @@ constexpr double kLongestRelaxation = 50.0;  // of the viscosity of the body
 
 }  // namespace
 
+Grip grip_of(const GripperConfig& gripper, std::uint32_t number, const Vector3& slip_m,
+             const NeedleLaw& needle) noexcept {
+  const bool is_needle = needle.is_there();
+  return {.number = number,
+          .buttons = is_needle ? 0U : 1U << gripper.button,
+          .slip_newton = is_needle ? kMaxTissueForceNewton : gripper.slip_newton(),
+          .tear_newton = is_needle ? kMaxTissueForceNewton : gripper.tear_newton,
+          .reach_m = is_needle ? kLongestNeedle_m : gripper.reach_m,
+          .slip_m = slip_m,
+          .needle = needle};
+}
+
 Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::uint32_t tissue,
                      const Vector3& at_m, const Vector3& v_m_per_s, const Vector3& slip_m,
-                     const Vector3& by_others_newton) noexcept {
+                     const Vector3& by_others_newton, const NeedleLaw& needle) noexcept {
   const Matrix3& K = model.stiffness_newton_per_m;
   Contact contact{
       .tissue = tissue,
@@ -33,12 +46,7 @@ Contact grip_contact(const GripModel& model, const GripperConfig& gripper, std::
       .d_force_d_velocity = -model.relaxation_s * K,
       .is_adhesive = true,
       .trust_radius_m = kHeldTrust_m,
-      .grip = {.number = model.number,
-               .buttons = 1U << gripper.button,
-               .slip_newton = gripper.slip_newton(),
-               .tear_newton = gripper.tear_newton,
-               .reach_m = gripper.reach_m,
-               .slip_m = slip_m}};
+      .grip = grip_of(gripper, model.number, slip_m, needle)};
   contact.force_on_tool_newton = model.force_at(at_m, v_m_per_s, by_others_newton);
   contact.stored_energy_joule =
       stored_joule_after(at_m - model.place_m, model.stored_energy_joule,
@@ -80,8 +88,16 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   if (!tip) return;
   model_.place_m = tip->tip_m - tip->slip_m;
   const std::size_t points = simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m,
-                                             gripper.most_points, gripper.stiffness_newton_per_m);
+                                             gripper.most_points, gripper.stiffness_newton_per_m,
+                                             gripper.is_needle());
   model_.points = static_cast<std::uint32_t>(points);
+  if (gripper.is_needle() && points > 0) {
+    const Vector3 way_m = tip->tip_m - tip->place_m - simulation.moved_m(tool);
+    const double deeper_m = way_m.dot(command.inward());
+    model_.start_m = std::max(0.0, deeper_m);
+    // across it goes in where it would touch the untouched surface
+    simulation.shift(tool, way_m - deeper_m * command.inward());
+  }
   changes_ += points > 0 ? 1U : 0U;
   closed_joule_ = simulation.stored_joule();
   lost_joule_ = expected_joule_ = 0.0;
@@ -194,26 +210,33 @@ Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper, c
                          const Vector3& v_m_per_s, double viscous_ratio,
                          const Vector3& by_others_newton) noexcept {
   if (!holds(model)) return Vector3::Zero();
+  Grip grip = grip_of(gripper, number_, slip_m_, needle_);
   const GripSlip slip =
-      slip_in_jaws(model.force_at(tip_m - slip_m_, v_m_per_s, by_others_newton),
-                   (1.0 + viscous_ratio) * model.stiffness_newton_per_m, gripper.slip_newton());
+      slip_of(grip, slip_m_, model.force_at(tip_m - slip_since_m(), v_m_per_s, by_others_newton),
+              (1.0 + viscous_ratio) * model.stiffness_newton_per_m);
+  needle_ = grip.needle;
   slip_m_ += slip.slip_m;
-  is_lost_ = slip.force_on_tool_newton.norm() > gripper.tear_newton ||
-             !(slip_m_.norm() <= gripper.reach_m);
+  is_lost_ = slip.is_out || slip.force_on_tool_newton.norm() > grip.tear_newton ||
+             !(slip_m_.norm() <= grip.reach_m);
   return is_lost_ ? Vector3::Zero() : slip.force_on_tool_newton;
 }
 
 void SlippingJaw::follow(const Vector3& slip_m, bool has_let_go) noexcept {
   slip_m_ = slip_m;
   is_lost_ = is_lost_ || has_let_go;
+  if (needle_.is_there()) needle_.deepest_m = std::max(needle_.deepest_m, depth_m());
 }
 
 JawCommand SlippingJaw::command() const noexcept {
+  const Vector3 slip = slip_since_m();
   return {.number = number_,
           .is_closed = is_closed_ && !is_lost_,
-          .slip_x_m = slip_m_.x(),
-          .slip_y_m = slip_m_.y(),
-          .slip_z_m = slip_m_.z()};
+          .inward_x = needle_.inward_world.x(),
+          .inward_y = needle_.inward_world.y(),
+          .inward_z = needle_.inward_world.z(),
+          .slip_x_m = slip.x(),
+          .slip_y_m = slip.y(),
+          .slip_z_m = slip.z()};
 }
 
 }  // namespace palpate::physics

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// jaw.h — the jaws of one tool on one elastic body: what they hold in the full solution, and what
-// that leaves to the steps between two solutions.
+// jaw.h — the jaws of one tool, or a needle, on one elastic body: what they hold in the full
+// solution, and what that leaves to the steps between two solutions.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/core/messages.h"
@@ -22,16 +23,21 @@ struct JawInput {
   bool is_closed = false;                      ///< the button is held
   Vector3 velocity_m_per_s = Vector3::Zero();  ///< of the tool
   std::optional<GripReport> report{};          ///< of mofc_node, to this physics
+  Vector3 inward_world = -Vector3::UnitZ();    ///< where the tip points, unit
 };
 
 /// What the jaws shall do on one body, as a step of the tool knows it.
 struct JawCommand {
   std::uint32_t number = 0;  ///< of the closing, from 1; 0: never closed
   bool is_closed = false;    ///< around this body, and has not lost it
+  double inward_x = 0.0;     ///< of a needle
+  double inward_y = 0.0;
+  double inward_z = 0.0;
   double slip_x_m = 0.0;     ///< of the tool since that closing
   double slip_y_m = 0.0;
   double slip_z_m = 0.0;
 
+  [[nodiscard]] Vector3 inward() const noexcept { return {inward_x, inward_y, inward_z}; }
   [[nodiscard]] Vector3 slip_m() const noexcept { return {slip_x_m, slip_y_m, slip_z_m}; }
 };
 
@@ -67,6 +73,9 @@ struct GripModel {
   Matrix3 stiffness_newton_per_m = Matrix3::Identity();
   double relaxation_s = 0.0;         ///< τ
   double stored_energy_joule = 0.0;  ///< in the body, since they closed
+  /// Of a needle, how deep it was when they closed: its tip was so far below the surface that was
+  /// there, less the way of what it holds.
+  double start_m = 0.0;
   std::vector<Other> others{};
   elastic::StatedError error{};  ///< by the way from `place_m`
 
@@ -85,7 +94,8 @@ struct GripModel {
 [[nodiscard]] Contact grip_contact(const GripModel& model, const GripperConfig& gripper,
                                    std::uint32_t tissue, const Vector3& at_m,
                                    const Vector3& v_m_per_s, const Vector3& slip_m,
-                                   const Vector3& by_others_newton = Vector3::Zero()) noexcept;
+                                   const Vector3& by_others_newton = Vector3::Zero(),
+                                   const NeedleLaw& needle = {}) noexcept;
 
 /// How many points of the untouched surface the jaws take, where a tip lies on it: at up to some
 /// 2,000 places, sorted.
@@ -156,8 +166,13 @@ class Jaw {
   std::optional<std::uint64_t> known_;  // changes of the body for which the stiffness was made
 };
 
+/// The grip without its place: for the slip, and for hop 3.
+[[nodiscard]] Grip grip_of(const GripperConfig& gripper, std::uint32_t number,
+                           const Vector3& slip_m, const NeedleLaw& needle) noexcept;
+
 /// The jaws of a tool whose slip nobody else decides: they slip by Coulomb's law, tear, and lose
-/// what has slipped out of them. No allocation.
+/// what has slipped out of them. Or a needle, which slips along itself until it is out. No
+/// allocation.
 class SlippingJaw {
  public:
   /// @param closing  number of the closing; 0: they are open
@@ -173,8 +188,30 @@ class SlippingJaw {
   /// Somebody else decides.
   void follow(const Vector3& slip_m, bool has_let_go) noexcept;
   [[nodiscard]] JawCommand command() const noexcept;
+  /// Of hop 3: of a needle since it was at the surface.
   [[nodiscard]] const Vector3& slip_m() const noexcept { return slip_m_; }
+  /// Since the closing.
+  [[nodiscard]] Vector3 slip_since_m() const noexcept {
+    return slip_m_ - start_m_ * needle_.inward_world;
+  }
+  /// A needle is as deep as the first solution says that holds it.
+  void begin(const GripModel& model) noexcept {
+    if (!holds(model) || std::exchange(has_begun_, true)) return;
+    start_m_ = model.start_m;
+    slip_m_ += start_m_ * needle_.inward_world;
+  }
   [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
+  [[nodiscard]] bool is_closed() const noexcept { return is_closed_; }
+  [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
+  /// There is none with jaws.
+  [[nodiscard]] NeedleLaw& needle() noexcept { return needle_; }
+  /// Another one: a hole without depth. After set().
+  [[nodiscard]] NeedleLaw& start_needle() noexcept {
+    has_begun_ = false;
+    start_m_ = 0.0;
+    return needle_ = {};
+  }
+  [[nodiscard]] double depth_m() const noexcept { return slip_m_.dot(needle_.inward_world); }
   /// Closed around what they took.
   [[nodiscard]] bool holds(const GripModel& model) const noexcept {
     return is_closed_ && !is_lost_ && model.is_holding() && model.number == number_;
@@ -185,6 +222,9 @@ class SlippingJaw {
   bool is_closed_ = false;
   bool is_lost_ = false;
   Vector3 slip_m_ = Vector3::Zero();
+  NeedleLaw needle_{};
+  bool has_begun_ = false;
+  double start_m_ = 0.0;
 };
 
 }  // namespace palpate::physics

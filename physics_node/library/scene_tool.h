@@ -45,7 +45,9 @@ class SceneTool {
     SceneForce force =
         scene_->step(memory_, tool.position_m, tool.velocity_m_per_s, time_s, shaft_to_handle);
     if (elastic_) {
-      elastic_->step(index_, tool.position_m, time_s, reach_m_, force, tool.jaw, tool.is_energised);
+      JawInput jaw = tool.jaw;
+      jaw.inward_world = -shaft_to_handle;
+      elastic_->step(index_, tool.position_m, time_s, reach_m_, force, jaw, tool.is_energised);
     }
     return force;
   }

@@ -14,7 +14,7 @@ Simulation::Simulation(std::shared_ptr<const SharedScene> shared, std::size_t to
     elastic_ =
         std::make_shared<ElasticTissues>(shared_->bodies(), tools, shared_->config().tip_radius_m,
                                          is_folded ? ElasticPace::kFolded : ElasticPace::kVirtual,
-                                         shared_->config().gripper, shared_->config().electrode);
+                                         shared_->config().holder(), shared_->config().electrode);
   }
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.emplace_back(shared_->scene(), shared_->reach_m(), elastic_, i);

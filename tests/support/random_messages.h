@@ -186,6 +186,18 @@ inline Contact random_grip(Random& random) {
                    .slip_m = random_vector(random, 1.0)}};
 }
 
+/// A needle holds it.
+inline Contact random_needle(Random& random) {
+  Contact contact = random_grip(random);
+  contact.grip.needle = {
+      .inward_world = (random_vector(random, 1.0) + 2.0 * Vector3::UnitX()).normalized(),
+      .cutting_newton = random.uniform(0.0, 1e4),
+      .spreading_newton = random.uniform(0.0, 1e4),
+      .friction_newton_per_m = random.uniform(0.0, 1e6),
+      .deepest_m = random.uniform(0.0, 1e3)};
+  return contact;
+}
+
 inline void randomise(Interaction& m, Random& random) {
   m = Interaction{};
   m.header = random_header(random);
@@ -214,7 +226,9 @@ inline void randomise(Interaction& m, Random& random) {
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_ahead = random_time(random).time_since_epoch();
   m.steps = random.bits();
-  if (touching > 0 && random.chance(0.2)) m.contacts[0] = random_grip(random);
+  if (touching > 0 && random.chance(0.2)) {
+    m.contacts[0] = random.chance(0.5) ? random_needle(random) : random_grip(random);
+  }
   m.wave = random_wave(random);
 }
 
@@ -266,7 +280,7 @@ inline void randomise(MofcTick& r, Random& random) {
     r.ledger_energy_joule = random.uniform(-1.0, 1.0);
   }
   r.force_age = random_duration(random);
-  r.state = static_cast<MofcState>(random.below(5));
+  r.state = static_cast<MofcState>(random.below(7));
   r.is_clamped = random.chance(0.5);
   r.is_from_standby = random.chance(0.5);
   r.is_in_contact = random.chance(0.5);
@@ -351,6 +365,7 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.grips = random.bits();
   c.grips_torn = random.bits();
   c.grips_slipped = random.bits();
+  c.punctures = random.bits();
 }
 
 inline void randomise(PhysicsCounters& c, Random& random) {
@@ -687,6 +702,11 @@ inline bool same(const SurfaceNews& a, const SurfaceNews& b) {
                              x.radius_m == y.radius_m;
                     });
 }
+inline bool same(const NeedleLaw& a, const NeedleLaw& b) {
+  return same(a.inward_world, b.inward_world) && a.cutting_newton == b.cutting_newton &&
+         a.spreading_newton == b.spreading_newton &&
+         a.friction_newton_per_m == b.friction_newton_per_m && a.deepest_m == b.deepest_m;
+}
 inline bool same(const Contact& a, const Contact& b) {
   return a.tissue == b.tissue && same(a.penetration_m, b.penetration_m) &&
          same(a.normal_world, b.normal_world) &&
@@ -710,7 +730,7 @@ inline bool same(const Contact& a, const Contact& b) {
          same(a.relaxed_m, b.relaxed_m) && a.grip.number == b.grip.number &&
          a.grip.buttons == b.grip.buttons && same(a.grip.slip_newton, b.grip.slip_newton) &&
          same(a.grip.tear_newton, b.grip.tear_newton) && same(a.grip.reach_m, b.grip.reach_m) &&
-         same(a.grip.slip_m, b.grip.slip_m);
+         same(a.grip.slip_m, b.grip.slip_m) && same(a.grip.needle, b.grip.needle);
 }
 inline bool same(const ElasticNews& a, const ElasticNews& b) {
   if (a.store_id != b.store_id || a.number != b.number) return false;
@@ -832,7 +852,8 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          a.transparency_time_ns == b.transparency_time_ns &&
          same(a.standby_interaction, b.standby_interaction) && a.physics_term == b.physics_term &&
          a.standby_ticks == b.standby_ticks && a.physics_switches == b.physics_switches &&
-         a.grips == b.grips && a.grips_torn == b.grips_torn && a.grips_slipped == b.grips_slipped;
+         a.grips == b.grips && a.grips_torn == b.grips_torn && a.grips_slipped == b.grips_slipped &&
+         a.punctures == b.punctures;
 }
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
   return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&

@@ -223,6 +223,8 @@ void add_mofc(Page& page, const MofcCounters& c) {
                {{label("result", "held"), c.grips},
                 {label("result", "torn"), c.grips_torn},
                 {label("result", "slipped"), c.grips_slipped}});
+  page.counter("mofc_punctures", "Insertions of a needle into elastic tissue.",
+               {{"", c.punctures}});
   page.counter("mofc_ledger_resets", "Resets of the energy ledger.", {{"", c.ledger_resets}});
   page.counter("mofc_motions_dropped", "Motions that the link to physics refused.",
                {{"", c.motions_dropped}});

@@ -65,7 +65,7 @@ void for_each_count(MofcCounters& a, const MofcCounters& b, const MofcCounters& 
         &MofcCounters::motions_dropped, &MofcCounters::motions_suppressed,
         &MofcCounters::transparency_time_ns, &MofcCounters::standby_ticks,
         &MofcCounters::physics_switches, &MofcCounters::grips, &MofcCounters::grips_torn,
-        &MofcCounters::grips_slipped, &MofcCounters::debt_ticks}) {
+        &MofcCounters::grips_slipped, &MofcCounters::punctures, &MofcCounters::debt_ticks}) {
     visit(a.*field, b.*field, c.*field);
   }
   visit(a.transparency_integral_ns, b.transparency_integral_ns, c.transparency_integral_ns);
@@ -316,6 +316,7 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["grips"] = mofc.grips;
   json["grips_torn"] = mofc.grips_torn;
   json["grips_slipped"] = mofc.grips_slipped;
+  json["punctures"] = mofc.punctures;
   json["interactions_suppressed"] = physics.interactions_suppressed;
   json["elastic"] = elastic_json(physics);
   json["mesh_frames"] = physics.mesh_frames;

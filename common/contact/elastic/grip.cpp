@@ -39,4 +39,44 @@ GripSlip slip_in_jaws(const Vector3& force_on_tool_newton, const Matrix3& stiffn
   return {.force_on_tool_newton = cut.allFinite() ? cut : Vector3::Zero()};
 }
 
+GripSlip slip_of_needle(const Vector3& force_on_tool_newton, const Matrix3& stiffness_newton_per_m,
+                        const NeedleLaw& needle, double depth_m) noexcept {
+  const Vector3& d = needle.inward_world;
+  const double k = d.dot(stiffness_newton_per_m * d);
+  const double push = -force_on_tool_newton.dot(d);
+  const double z = std::max(0.0, depth_m);
+  const double friction = needle.friction_newton_per_m;
+  GripSlip slip{.force_on_tool_newton = force_on_tool_newton};
+  double way_m = 0.0;
+  if (const double excess = push - needle.spreading_newton - friction * z; excess > 0.0) {
+    // in the hole; beyond its end, by what is left after cutting
+    const double in_hole_m = excess / (k + friction);
+    const double to_end_m = std::max(0.0, needle.deepest_m - z);
+    const double beyond_m = (excess - needle.cutting_newton) / (k + friction);
+    way_m = in_hole_m <= to_end_m ? in_hole_m : std::max(to_end_m, beyond_m);
+  } else if (const double pull = -push - friction * z; pull > 0.0) {
+    way_m = -pull / k;
+    slip.is_out = !(way_m > -z);
+    if (slip.is_out) way_m = -z;
+  }
+  slip.slip_m = way_m * d;
+  slip.force_on_tool_newton += stiffness_newton_per_m * slip.slip_m;
+  if (slip.is_out) slip.force_on_tool_newton.setZero();
+  if (slip.slip_m.allFinite() && slip.force_on_tool_newton.allFinite()) return slip;
+  return {};
+}
+
+GripSlip slip_of(Grip& grip, const Vector3& slip_m, const Vector3& force_on_tool_newton,
+                 const Matrix3& stiffness_newton_per_m) noexcept {
+  NeedleLaw& needle = grip.needle;
+  if (!needle.is_there()) {
+    return slip_in_jaws(force_on_tool_newton, stiffness_newton_per_m, grip.slip_newton);
+  }
+  const double depth_m = slip_m.dot(needle.inward_world);
+  const GripSlip slip =
+      slip_of_needle(force_on_tool_newton, stiffness_newton_per_m, needle, depth_m);
+  needle.deepest_m = std::max(needle.deepest_m, depth_m + slip.slip_m.dot(needle.inward_world));
+  return slip;
+}
+
 }  // namespace palpate

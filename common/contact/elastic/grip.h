@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// grip.h — the slip of tissue in the jaws of a tool: mofc_node computes it between two messages,
-// physics_node between two full solutions of the body, or after each of them.
+// grip.h — the slip of tissue in the jaws of a tool, or along a needle: mofc_node computes it
+// between two messages, physics_node between two full solutions of the body, or after each of them.
 #pragma once
 
 #include <algorithm>
 
+#include "common/core/messages.h"
 #include "common/core/vector.h"
 
 namespace palpate {
@@ -12,6 +13,7 @@ namespace palpate {
 struct GripSlip {
   Vector3 force_on_tool_newton = Vector3::Zero();  ///< afterwards
   Vector3 slip_m = Vector3::Zero();                ///< of the tool past the tissue
+  bool is_out = false;                             ///< a needle has left its hole
 };
 
 /// Coulomb friction in the jaws: as long as the force is larger than they hold, the tool slips past
@@ -25,6 +27,29 @@ struct GripSlip {
 [[nodiscard]] GripSlip slip_in_jaws(const Vector3& force_on_tool_newton,
                                     const Matrix3& stiffness_newton_per_m,
                                     double most_newton) noexcept;
+
+/// A needle at the depth z of a hole that ends at z₀. With d its direction of insertion, k = d·K d
+/// and the push p = −F·d on the tissue, it goes by s along d
+///
+///   inward   while p > Y(z), so far that p − k s = Y(z + s),  Y(z) = S + φ z (+ C beyond z₀)
+///   outward  while p < −φ z, so far that p − k s = −φ z, at most out of the hole
+///
+/// C cuts (toughness × width), S spreads, φ is the friction by depth: Y grows with the depth, so
+/// that there is one such s, and p − k s has its sign: the step dissipates (p − k s) s whatever the
+/// force was. Across, and without need, it holds. F' = F + K d s. At the end of the hole it stands
+/// still where it has not yet the force to cut. If a result is not finite there is no force and no
+/// slip. No allocation, no throw.
+/// @param stiffness_newton_per_m  symmetric, positive definite
+/// @param needle  there; all of it ≥ 0
+[[nodiscard]] GripSlip slip_of_needle(const Vector3& force_on_tool_newton,
+                                      const Matrix3& stiffness_newton_per_m,
+                                      const NeedleLaw& needle, double depth_m) noexcept;
+
+/// The one of both that the grip has. Notes how deep the hole is then.
+/// @param slip_m  so far
+[[nodiscard]] GripSlip slip_of(Grip& grip, const Vector3& slip_m,
+                               const Vector3& force_on_tool_newton,
+                               const Matrix3& stiffness_newton_per_m) noexcept;
 
 /// Energy that held tissue stores a way further, at least 0.
 /// @param force_on_tool_newton  before the way, elastic

@@ -39,6 +39,13 @@ void put_grip(const Grip& grip, v1::Grip& to) {
   to.set_tear_newton(grip.tear_newton);
   to.set_reach_m(grip.reach_m);
   put(grip.slip_m, *to.mutable_slip_m());
+  if (!grip.needle.is_there()) return;
+  v1::Needle& needle = *to.mutable_needle();
+  put(grip.needle.inward_world, *needle.mutable_inward_world());
+  needle.set_cutting_newton(grip.needle.cutting_newton);
+  needle.set_spreading_newton(grip.needle.spreading_newton);
+  needle.set_friction_newton_per_m(grip.needle.friction_newton_per_m);
+  needle.set_deepest_m(grip.needle.deepest_m);
 }
 
 /// The jaws are a spring, or a damper, that is the same in both directions of every motion, and no
@@ -51,9 +58,18 @@ bool is_spring(const Matrix& m) {
   return Eigen::LLT<Matrix3>(-K).info() == Eigen::Success;
 }
 
+void check_needle(const v1::Needle& needle, Verdict& verdict) {
+  verdict.unit_vector(needle.has_inward_world(), needle.inward_world());
+  verdict.number(needle.cutting_newton(), 0.0, kMaxTissueForceNewton);
+  verdict.number(needle.spreading_newton(), 0.0, kMaxTissueForceNewton);
+  verdict.number(needle.friction_newton_per_m(), 0.0, kMaxStiffnessNewtonPerM);
+  verdict.number(needle.deepest_m(), 0.0, kMaxPositionM);
+}
+
 void check_grip(const v1::Contact& contact, Verdict& verdict) {
   const v1::Grip& grip = contact.grip();
-  verdict.expect(grip.number() > 0 && grip.buttons() != 0);
+  verdict.expect(grip.number() > 0 && (grip.buttons() != 0 || grip.has_needle()));
+  if (grip.has_needle()) check_needle(grip.needle(), verdict);
   for (const double newton : {grip.slip_newton(), grip.tear_newton()}) {
     verdict.number(newton, 0.0, kMaxTissueForceNewton);
     verdict.expect(newton > 0.0);
@@ -67,13 +83,22 @@ void check_grip(const v1::Contact& contact, Verdict& verdict) {
                  (contact.d_force_d_velocity().empty() || is_spring(contact.d_force_d_velocity())));
 }
 
+NeedleLaw needle_of(const v1::Needle& wire) {
+  return {.inward_world = unit(vector(wire.inward_world())),
+          .cutting_newton = wire.cutting_newton(),
+          .spreading_newton = wire.spreading_newton(),
+          .friction_newton_per_m = wire.friction_newton_per_m(),
+          .deepest_m = wire.deepest_m()};
+}
+
 Grip grip_of(const v1::Grip& wire) {
   return {.number = wire.number(),
           .buttons = wire.buttons(),
           .slip_newton = wire.slip_newton(),
           .tear_newton = wire.tear_newton(),
           .reach_m = wire.reach_m(),
-          .slip_m = vector(wire.slip_m())};
+          .slip_m = vector(wire.slip_m()),
+          .needle = wire.has_needle() ? needle_of(wire.needle()) : NeedleLaw{}};
 }
 
 void put_contact(const Contact& contact, v1::Contact& to) {

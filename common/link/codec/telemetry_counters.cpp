@@ -156,6 +156,7 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_grips(c.grips);
   to.set_grips_torn(c.grips_torn);
   to.set_grips_slipped(c.grips_slipped);
+  to.set_punctures(c.punctures);
 }
 void check_counters(const v1::MofcCounters& c, Verdict& verdict) {
   verdict.require(c.has_device_state());
@@ -185,7 +186,8 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .physics_switches = c.physics_switches(),
           .grips = c.grips(),
           .grips_torn = c.grips_torn(),
-          .grips_slipped = c.grips_slipped()};
+          .grips_slipped = c.grips_slipped(),
+          .punctures = c.punctures()};
 }
 
 void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {

@@ -129,6 +129,31 @@ void add_relaxation(const Fields& elastic, ElasticMaterial& material) {
   }
 }
 
+/// How a needle goes into the body, after its parts.
+void add_pierced(const Fields& elastic, ElasticMaterial& material) {
+  const char* const name = "toughness_joule_per_m2";
+  if (elastic.has("pierced")) {
+    const Fields fields = elastic.message("pierced");
+    material.pierced = {.toughness_joule_per_m2 = fields.number(name),
+                        .spreading_ratio = fields.number("spreading_ratio"),
+                        .friction_newton_per_m = fields.number("friction_newton_per_m"),
+                        .membrane_newton = fields.number("membrane_newton", 0.0)};
+  }
+  std::size_t index = 0;
+  for (const Fields& part : elastic.messages("part")) {
+    const RegionGeometry& where = material.parts[index++].where;
+    if (!part.has(name)) continue;
+    if (!material.pierced) {
+      part.problem(name, "needs that of the body; give pierced { … } too, or leave this out");
+    } else if (std::holds_alternative<MeshTag>(where)) {
+      part.problem(name, "needs a half_space, sphere or box as its place; leave it out");
+    } else {
+      material.pierced->parts.push_back(
+          {.where = where, .toughness_joule_per_m2 = part.number(name)});
+    }
+  }
+}
+
 ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
   constexpr double kSmallestTip_m = 1e-3;
   constexpr std::size_t kMostParts = 64;
@@ -205,6 +230,7 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
     fields.problem_at("part", static_cast<int>(kMostParts),
                       "at most 64 parts; merge those of one material");
   }
+  add_pierced(fields, material);
   add_relaxation(fields, material);
   return material;
 }
@@ -367,6 +393,13 @@ GripperConfig to_gripper(const Fields& fields, double tip_radius_m) {
           .tear_newton = fields.number("tear_newton")};
 }
 
+NeedleConfig to_needle(const Fields& fields, double tip_radius_m) {
+  return {.width_m = fields.number("width_m", 2.0 * tip_radius_m),
+          .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
+          .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
+          .stiffness_newton_per_m = fields.number("stiffness_newton_per_m")};
+}
+
 ElectrodeConfig to_electrode(const Fields& fields, double tip_radius_m) {
   const ElectrodeConfig config{.button = static_cast<std::uint32_t>(fields.integer("button")),
                                .power_watt = fields.number("power_watt"),
@@ -383,6 +416,11 @@ ElectrodeConfig to_electrode(const Fields& fields, double tip_radius_m) {
 
 bool is_elastic(const TissueConfig& tissue) {
   return std::holds_alternative<ElasticMaterial>(tissue.material);
+}
+
+bool is_pierced(const TissueConfig& tissue) {
+  const auto* const elastic = std::get_if<ElasticMaterial>(&tissue.material);
+  return elastic != nullptr && elastic->pierced.has_value();
 }
 
 }  // namespace
@@ -420,6 +458,17 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
     tool.problem("gripper",
                  "holds elastic tissue, and the scene has none; give a tissue elastic { … }, or "
                  "leave this out");
+  }
+  if (tool.has("needle")) {
+    config.needle = to_needle(tool.message("needle"), config.tip_radius_m);
+    if (config.gripper) {
+      tool.problem("needle", "a tool has a gripper or a needle; leave one of them out");
+    }
+    if (std::none_of(config.tissues.begin(), config.tissues.end(), is_pierced)) {
+      tool.problem("needle",
+                   "goes into elastic tissue, and no tissue lets it; give one elastic { pierced { "
+                   "toughness_joule_per_m2: … } }, or leave this out");
+    }
   }
   if (tool.has("electrode") && has_elastic) {
     config.electrode = to_electrode(tool.message("electrode"), config.tip_radius_m);

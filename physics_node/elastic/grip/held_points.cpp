@@ -14,7 +14,8 @@ constexpr double kMostChange = 3.0;
 }  // namespace
 
 void HeldPoints::take(const std::vector<SurfacePoint>& points, const double* x_m,
-                      const Vector3d& at_m, double reach_m, std::size_t most, double newton_per_m) {
+                      const Vector3d& at_m, double reach_m, std::size_t most, double newton_per_m,
+                      const double* rest_m) {
   held_.clear();
   at_m_ = at_m;
   std::vector<std::pair<double, std::size_t>> near;
@@ -28,6 +29,15 @@ void HeldPoints::take(const std::vector<SurfacePoint>& points, const double* x_m
     held_.push_back({.point = points[i], .index = i, .away_m = points[i].position_m(x_m) - at_m});
   }
   newton_per_m_ = newton_per_m / static_cast<double>(std::max<std::size_t>(1, held_.size()));
+  if (rest_m == nullptr) return;
+  const Vector3d moved = moved_m(x_m, rest_m);
+  for (Held& one : held_) one.away_m = one.point.position_m(rest_m) + moved - at_m;
+}
+
+Vector3d HeldPoints::moved_m(const double* x_m, const double* rest_m) const noexcept {
+  Vector3d sum = Vector3d::Zero();
+  for (const Held& one : held_) sum += one.point.position_m(x_m) - one.point.position_m(rest_m);
+  return sum / static_cast<double>(std::max<std::size_t>(1, held_.size()));
 }
 
 void HeldPoints::continue_as(const HeldPoints& other, const std::vector<SurfacePoint>& points,

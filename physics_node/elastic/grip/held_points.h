@@ -18,8 +18,16 @@ class HeldPoints {
  public:
   /// Takes the nearest of the points within reach, where the body is now.
   /// @param newton_per_m  > 0, of all together
+  /// @param rest_m  of the body: they are held as they lie to each other there, with no force all
+  /// together; null: as they lie now
   void take(const std::vector<SurfacePoint>& points, const double* x_m, const Vector3d& at_m,
-            double reach_m, std::size_t most, double newton_per_m);
+            double reach_m, std::size_t most, double newton_per_m, const double* rest_m = nullptr);
+  /// They lie so much farther from the tool.
+  void shift(const Vector3d& by_m) noexcept {
+    for (Held& one : held_) one.away_m += by_m;
+  }
+  /// Their mean way from there.
+  [[nodiscard]] Vector3d moved_m(const double* x_m, const double* rest_m) const noexcept;
   void let_go() noexcept { held_.clear(); }
   /// As those of another body, as far as they are still there.
   /// @param points      of this body   @param old_points  by point: its index there, −1: none

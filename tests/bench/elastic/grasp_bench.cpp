@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// grasp_bench: the force of tissue in the jaws of a gripper along prescribed paths, at the other
-// end of a network, against full solutions with the same constraints every millisecond. Open loop,
-// on a virtual clock: the forces are the same on every machine.
+// grasp_bench: the force of tissue in the jaws of a gripper, or around a needle, along prescribed
+// paths, at the other end of a network, against full solutions with the same constraints every
+// millisecond. Open loop, on a virtual clock: the forces are the same on every machine.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -44,6 +44,7 @@ struct Path {
   std::string name;
   SceneConfig scene;
   std::function<Vector3(double)> tip_m;
+  double seconds = kSeconds;
 };
 
 /// Half a period of a cosine from 0 to 1.
@@ -66,9 +67,9 @@ struct Forces {
 
 Forces reference_of(const Path& path, double step_s) {
   physics::ElasticReference reference(physics::elastic_bodies_of(path.scene),
-                                      path.scene.tip_radius_m, step_s, path.scene.gripper);
+                                      path.scene.tip_radius_m, step_s, path.scene.holder());
   Forces forces;
-  for (int tick = -200; kTick_s * tick < kSeconds; ++tick) {
+  for (int tick = -200; kTick_s * tick < path.seconds; ++tick) {
     const double time_s = kTick_s * tick;
     physics::SceneForce force;
     reference.advance(1.0 + time_s, path.tip_m(std::max(0.0, time_s)), force,
@@ -102,8 +103,10 @@ int reversals_of(const std::vector<Vector3>& newton, double least_newton) {
 
 double p99_of(std::vector<double> values) { return quantile(values, 0.99); }
 
-/// Processor time of a step of the tool while the body is solved on a thread of its own.
+/// Processor time of a step of the tool while the body is solved on a thread of its own; NaN for a
+/// needle.
 double step_p99_us(const Path& path) {
+  if (!path.scene.gripper) return kNaN;
   constexpr int kSteps = 5000;
   const auto tissues = physics::ElasticTissues::of(path.scene, 1, physics::ElasticPace::kThread);
   std::vector<double> us;
@@ -127,6 +130,23 @@ double lost_at_s(const std::vector<State>& grip) {
   return lost == grip.end() ? -1.0 : kTick_s * static_cast<double>(lost - grip.begin());
 }
 
+/// In and out of the block of the session `biopsy` by 25 mm, and again by the same hole.
+Path needle_path() {
+  constexpr double kSpan_s = 2.5;
+  constexpr double kRest_s = 0.3;
+  constexpr double kWay_m = 0.029;
+  Path path{.name = "needle, 25 mm and again",
+            .scene = load_session(test::source_dir() + "/deploy/sessions/biopsy.txtpb").scene,
+            .tip_m = {},
+            .seconds = 4.0 * (kSpan_s + kRest_s)};
+  path.tip_m = [](double time_s) {
+    const double part_s = std::fmod(time_s, 2.0 * (kSpan_s + kRest_s));
+    const double in = eased(part_s / kSpan_s) - eased((part_s - kSpan_s - kRest_s) / kSpan_s);
+    return Vector3(0.003, 0.002, 0.004 - in * kWay_m);
+  };
+  return path;
+}
+
 std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
   const Vector3 from_m(0.003, 0.002, tip_z_m);
   const auto with = [&](double slip_newton, double tear_newton) {
@@ -141,14 +161,16 @@ std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
           {"retract 30 mm", with(100, 100), to_and_fro(from_m, {0, 0, 0.030})},
           {"retract aside, 20 mm", with(100, 100), to_and_fro(from_m, {0.015, 0, 0.013})},
           {"slip", with(0.8, 100), to_and_fro(from_m, {0, 0, 0.020})},
-          {"tear", with(100, 0.8), to_and_fro(from_m, {0, 0, 0.020})}};
+          {"tear", with(100, 0.8), to_and_fro(from_m, {0, 0, 0.020})},
+          needle_path()};
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "The force of tissue in the jaws of a gripper, at the other end of a network, against full "
+      "The force of tissue in the jaws of a gripper, or around a needle, at the other end of a "
+      "network, against full "
       "solutions with the same constraints every 1 ms. Open loop, virtual time.",
       "grasp_bench"};
   BenchOptions options;
@@ -187,7 +209,7 @@ int main(int argc, char** argv) {
             .loss_ratio = is_far ? 0.2 : 0.0,
             .is_closed = [](double t_s) { return t_s >= kClose_s && t_s < kOpen_s; }};
         const bench::DelayedForces found =
-            bench::delayed_forces(path.scene, path.tip_m, kSeconds, 300, network);
+            bench::delayed_forces(path.scene, path.tip_m, path.seconds, 300, network);
         if (!trace_file.empty()) {
           std::ofstream out(trace_file);
           for (std::size_t i = 0; i < ideal.newton.size(); ++i) {

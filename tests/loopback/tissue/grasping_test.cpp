@@ -94,5 +94,59 @@ TEST(Grasping, DelayAndLossDoNotChangeHowHeldTissueFeels) {
   expect_a_held_pull(retracted(network), 0.04);
 }
 
+// --- a needle ------------------------------------------------------------------------------------
+
+/// Of the whole run, in and out of the tissue; relative to the largest ideal force.
+double error_ratio_of(const Recording& way) {
+  double error2 = 0.0;
+  double peak = 0.0;
+  for (const TickRow& row : way.rows) {
+    const Vector3& ideal = row.ideal_force_on_hand_newton;
+    error2 += (row.device.force_on_hand_newton - ideal).squaredNorm();
+    peak = std::max(peak, ideal.norm());
+  }
+  EXPECT_GT(peak, 0.4);
+  return std::sqrt(error2 / static_cast<double>(way.rows.size())) / peak;
+}
+
+// Through the membrane and to the lesion, beside full solutions every millisecond.
+TEST(Needle, GoesInAsInFullSolutions) {
+  const Recording way = run(shipped("biopsy"), 4200ms, true);
+  EXPECT_LT(error_ratio_of(way), 0.02);
+  EXPECT_EQ(way.mofc.punctures, 1U);
+  EXPECT_EQ(way.last().mofc->grip, GripState::kPierced);
+}
+
+TEST(Needle, DelayAndLossHardlyChangeHowItFeels) {
+  std::vector<std::string> network;
+  for (const char* link : {"tool_motion", "interaction"}) {
+    network.push_back(std::string("faults.") + link + ".delay_ms=50");
+    network.push_back(std::string("faults.") + link + ".loss_ratio=0.2");
+  }
+  const Recording way = run(shipped("biopsy", network), 5s, true);
+  EXPECT_LT(error_ratio_of(way), 0.05);  // most of it while the puncture is on its way
+  EXPECT_EQ(way.mofc.punctures, 1U);
+  EXPECT_GE(way.last().device.minimum_true_energy_joule, -1e-6);
+}
+
+TEST(Needle, ComesOutAndGoesInByTheSameHole) {
+  const Recording way = run(shipped("biopsy"), 16s, false);
+  EXPECT_EQ(way.mofc.punctures, 2U);
+  EXPECT_EQ(way.mofc.grips, 0U);
+  EXPECT_GE(way.last().device.minimum_true_energy_joule, -1e-6);
+  EXPECT_EQ(way.last().mofc->grip, GripState::kNone);
+  // the second time there is no membrane
+  double first = 0.0;
+  double second = 0.0;
+  for (std::size_t i = 0; i < way.rows.size(); ++i) {
+    const TickRow& row = way.rows[i];
+    if (!row.mofc || row.mofc->grip != GripState::kNone) continue;
+    double& most = 2 * i < way.rows.size() ? first : second;
+    most = std::max(most, row.device.force_on_hand_newton.z());
+  }
+  EXPECT_GT(first, 0.45);
+  EXPECT_LT(second, 0.25);
+}
+
 }  // namespace
 }  // namespace palpate

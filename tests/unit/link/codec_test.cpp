@@ -278,7 +278,7 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
             path == "contacts.held_m" || path == "surface" || path == "surface.description" ||
             path == "surface.coverages.to_m" || path == "counters.standby_interaction" ||
             path == "wave" || path == "acted" || path == "elastic_receipts" || path == "elastic" ||
-            path == "grip" || path == "contacts.grip" ||
+            path == "grip" || path == "contacts.grip" || path == "contacts.grip.needle" ||
             path == "surface.description.motion_amplitude_m") {  // optional
           TypeParam message;
           EXPECT_EQ(decoded(frame, message), DecodeError::kNone);

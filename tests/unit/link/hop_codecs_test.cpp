@@ -276,6 +276,27 @@ TEST(InteractionCodec, RefusesAnInvalidGrip) {
   };
   held(damped(-1.0, -0.2), true);
   held(damped(1.0, 0.2), false);
+  // a needle, which needs no button
+  const auto pierced = [&](auto&& change, bool is_allowed) {
+    held(
+        [&](v1::Contact& c) {
+          c.mutable_grip()->set_buttons(0);
+          v1::Needle& needle = *c.mutable_grip()->mutable_needle();
+          needle.mutable_inward_world()->set_z(-1.0);
+          needle.set_cutting_newton(0.2);
+          needle.set_friction_newton_per_m(10.0);
+          change(needle);
+        },
+        is_allowed);
+  };
+  pierced([](v1::Needle&) {}, true);
+  pierced([](v1::Needle& n) { n.set_deepest_m(1000.0); }, true);
+  pierced([](v1::Needle& n) { n.clear_inward_world(); }, false);
+  pierced([](v1::Needle& n) { n.mutable_inward_world()->set_x(0.01); }, false);
+  pierced([](v1::Needle& n) { n.set_cutting_newton(1.01e4); }, false);
+  pierced([](v1::Needle& n) { n.set_spreading_newton(-1e-9); }, false);
+  pierced([](v1::Needle& n) { n.set_friction_newton_per_m(1.01e6); }, false);
+  pierced([](v1::Needle& n) { n.set_deepest_m(-1e-9); }, false);
 }
 
 // Nothing of a gripper travels where none is: hops 2 and 3 are what they were, byte for byte.

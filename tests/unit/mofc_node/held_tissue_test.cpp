@@ -168,6 +168,83 @@ TEST_F(Held, EndsWhenPhysicsSaysThatItHoldsNothing) {
   EXPECT_EQ(held_.state(), State::kNone) << "another physics has torn nothing";
 }
 
+// --- a needle
+// -------------------------------------------------------------------------------------
+
+constexpr double kCut_newton = 0.4;
+constexpr double kRub_newton_per_m = 20.0;
+
+/// Pierced at the origin with nothing left of the force there.
+Interaction pierced(std::uint32_t number = 1, double deepest_m = 0.0) {
+  Interaction said = holding(number);
+  said.contacts[0].grip.buttons = 0;
+  said.contacts[0].grip.slip_newton = said.contacts[0].grip.tear_newton = 1e4;
+  said.contacts[0].grip.reach_m = 1.0;
+  said.contacts[0].grip.needle = {.inward_world = -Vector3::UnitZ(),
+                                  .cutting_newton = kCut_newton,
+                                  .friction_newton_per_m = kRub_newton_per_m,
+                                  .deepest_m = deepest_m};
+  return said;
+}
+
+// One message for all of it: in with 20 mm/s, a rest, and out.
+TEST_F(Held, ANeedleCutsRubsAndComesOutWhateverTheDelay) {
+  const Interaction said = pierced();
+  double work = 0.0;  // of the hand
+  double least_work = 0.0;
+  double newton = 0.0;
+  double z_m = 0.0;
+  const auto go = [&](double way_m) {
+    const double now = pull(said, z_m += way_m, 0).z();
+    work -= 0.5 * (newton + now) * way_m;
+    least_work = std::min(least_work, work);
+    newton = now;
+  };
+  for (int tick = 0; tick < 1500; ++tick) go(-2e-5);
+  EXPECT_EQ(held_.state(), State::kPierces);
+  const double depth_m = -held_.report()->slip_m.z();
+  EXPECT_NEAR(newton, kCut_newton + kRub_newton_per_m * depth_m, 1e-9);
+  EXPECT_NEAR(depth_m + newton / kSpring_newton_per_m, 0.03, 1e-9);
+  const double stored = 0.5 * newton * newton / kSpring_newton_per_m;
+  EXPECT_NEAR(work, kCut_newton * depth_m + 0.5 * kRub_newton_per_m * depth_m * depth_m + stored,
+              0.002 * work);
+  go(2e-5);
+  EXPECT_EQ(held_.state(), State::kPierced);
+  while (z_m < 0.005) go(2e-5);
+  EXPECT_EQ(held_.state(), State::kNone);
+  EXPECT_TRUE(held_.report()->has_let_go);
+  EXPECT_EQ(newton, 0.0);
+  EXPECT_GE(least_work, -1e-9);
+  EXPECT_GT(work, kCut_newton * depth_m);
+  EXPECT_EQ(pull(said, -0.01, 0), Vector3::Zero()) << "until physics_node says that it is in again";
+}
+
+// physics_node knows of the hole; what it says late of its depth does not count.
+TEST_F(Held, ANeedleKnowsItsHole) {
+  const Interaction anew = pierced(2, 0.02);
+  double z_m = 0.0;
+  const auto go_to = [&](double there_m) {
+    double newton = 0.0;
+    const double step_m = there_m < z_m ? -2e-5 : 2e-5;
+    while (std::abs(there_m - z_m) > 1e-5) newton = pull(anew, z_m += step_m, 0).z();
+    return newton;
+  };
+  const double in_hole = go_to(-0.015);
+  EXPECT_NEAR(in_hole, -kRub_newton_per_m * held_.report()->slip_m.z(), 1e-9);
+  EXPECT_GT(go_to(-0.04), kCut_newton);
+  const double deepest_m = -held_.report()->slip_m.z();
+  EXPECT_GT(deepest_m, 0.029);
+  go_to(-0.01);
+  EXPECT_LT(go_to(-0.03), kCut_newton + kRub_newton_per_m * 0.03 - 0.1);
+}
+
+TEST_F(Held, ANeedleHoldsAcross) {
+  const Interaction said = pierced();
+  for (int tick = 0; tick < 1000; ++tick) pull(said, -2e-5 * tick, 0);
+  const ModelForce aside = held_.step(said, 0, {0.01, 0, -0.02}, Vector3::Zero(), kHeldTick_s);
+  EXPECT_NEAR(aside.force_on_tool_newton.x(), -1.0, 1e-9);
+}
+
 // In the whole model the contact of hop 3 counts once, by the jaws alone.
 TEST(HeldInTheModel, TheContactModelDoesNotCountBesides) {
   TissueModel model(true, kHeldNewtonPerS, 1);

@@ -264,6 +264,70 @@ TEST(GripperRules, TheJawsHaveAButtonOfTheirOwn) {
               IsEmpty());
 }
 
+// --- scene.tool.needle
+// ---------------------------------------------------------------------------
+
+std::string with_needle(const std::string& needle, const std::string& elastic,
+                        const std::string& tool = "") {
+  return "name: \"x\" scene { tool { tip_radius_m: 0.002 needle { " + needle + " } " + tool +
+         " } tissue { name: 'a' " + std::string(kMesh) + " elastic { " + kHeld + " " + elastic +
+         " } } }";
+}
+const std::string kPierced = "pierced { toughness_joule_per_m2: 130 }";
+
+TEST(NeedleRules, HasDefaultsThatFollowTheTip) {
+  const Session session =
+      parse_session(with_needle("", kPierced + " part { where { sphere { radius_m: 0.01 } } "
+                                               "young_pa: 9e3 toughness_joule_per_m2: 300 }"),
+                    "x.txtpb", {}, "/tmp");
+  ASSERT_TRUE(session.scene.needle);
+  EXPECT_DOUBLE_EQ(session.scene.needle->width_m, 0.004);
+  EXPECT_DOUBLE_EQ(session.scene.needle->reach_m, 0.003);
+  EXPECT_FALSE(session.scene.gripper);
+  ASSERT_TRUE(session.scene.holder());
+  EXPECT_TRUE(session.scene.holder()->is_needle());
+  EXPECT_EQ(session.scene.holder()->stiffness_newton_per_m, 2000.0);
+  const auto& pierced = std::get<ElasticMaterial>(session.scene.tissues[0].material).pierced;
+  ASSERT_TRUE(pierced);
+  EXPECT_EQ(pierced->spreading_ratio, 0.3);
+  EXPECT_EQ(pierced->friction_newton_per_m, 10.0);
+  EXPECT_EQ(pierced->membrane_newton, 0.0);
+  EXPECT_EQ(pierced->toughness_at({0, 0, 0.009}), 300.0);
+  EXPECT_EQ(pierced->toughness_at({0, 0, 0.011}), 130.0);
+}
+
+TEST(NeedleRules, NeedsTissueThatLetsItInAndFiguresInRange) {
+  const auto complaint = [](const std::string& needle, const std::string& elastic = kPierced,
+                            const std::string& tool = "") {
+    return complaints(with_needle(needle, elastic, tool), {}, "/tmp");
+  };
+  const auto at = [](const std::string& field, const std::string& words) {
+    return AllOf(SizeIs(2), ::testing::Contains(
+                                AllOf(StartsWith("x.txtpb:"), HasSubstr(field), HasSubstr(words))));
+  };
+  EXPECT_THAT(complaint("width_m: 0.02 most_points: 1"), IsEmpty());
+  EXPECT_THAT(complaint("", ""), at("scene.tool.needle", "pierced"));
+  EXPECT_THAT(complaint("", kPierced, "gripper {}"), at("scene.tool.needle", "gripper"));
+  EXPECT_THAT(complaint("width_m: 0"), at("needle.width_m", "0"));
+  EXPECT_THAT(complaint("width_m: 0.021"), at("needle.width_m", "0.02"));
+  EXPECT_THAT(complaint("reach_m: 0.11"), at("needle.reach_m", "0.1"));
+  EXPECT_THAT(complaint("most_points: 65"), at("needle.most_points", "64"));
+  EXPECT_THAT(complaint("stiffness_newton_per_m: 9"), at("needle.stiffness_newton_per_m", "10"));
+  const auto pierced = [&](const std::string& fields) {
+    return complaint("", "pierced { " + fields + " }");
+  };
+  EXPECT_THAT(pierced(""), at("pierced.toughness_joule_per_m2", "liver"));
+  EXPECT_THAT(pierced("toughness_joule_per_m2: 0"), at("toughness_joule_per_m2", "0"));
+  const std::string tough = "toughness_joule_per_m2: 100 ";
+  EXPECT_THAT(pierced(tough + "spreading_ratio: 3.1"), at("pierced.spreading_ratio", "3"));
+  EXPECT_THAT(pierced(tough + "friction_newton_per_m: -1"),
+              at("pierced.friction_newton_per_m", "0"));
+  EXPECT_THAT(pierced(tough + "membrane_newton: 101"), at("pierced.membrane_newton", "100"));
+  const std::string part = "part { young_pa: 9e3 toughness_joule_per_m2: 300 where { ";
+  EXPECT_THAT(complaint("", kPierced + part + "tag: 'b' } }"),
+              at("part[0].toughness_joule_per_m2", "sphere"));
+}
+
 // --- scene.tool.electrode
 // ---------------------------------------------------------------------------
 

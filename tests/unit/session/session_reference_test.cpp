@@ -94,6 +94,7 @@ TEST(SessionSchema, UnitsAreThoseOfTheNames) {
                                                        {"_pa", "Pa"},
                                                        {"_deg", "°"},
                                                        {"_joule_per_kg", "J/kg"},
+                                                       {"_joule_per_m2", "J/m²"},
                                                        {"_joule", "J"},
                                                        {"_watt", "W"},
                                                        {"_kg", "kg"},

@@ -347,6 +347,7 @@ TEST(SummaryJson, HasTheKeysThatAreDocumented) {
                           "grips",
                           "grips_torn",
                           "grips_slipped",
+                          "punctures",
                           "standby_ticks",
                           "physics_term",
                           "ideal_run_force_error_rms_ratio",

@@ -57,6 +57,7 @@ const kWords: Record<string, [Lane, EventTone, string]> = {
   ledger_reset: ["clamp", "calm", "energy ledger reset"],
   tissue_held: ["changes", "calm", "the jaws hold tissue"],
   tissue_torn: ["changes", "notice", "tissue torn: the jaws lost it"],
+  tissue_punctured: ["changes", "calm", "the needle went into tissue"],
   tissue_slipped_out: ["changes", "notice", "tissue slipped out of the jaws"],
   tissue_ablated: ["changes", "calm", "$count elements ablated"],
   tissue_cut_off: ["changes", "notice", "$count elements cut off from the rest: removed"],

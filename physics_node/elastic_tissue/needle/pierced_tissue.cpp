@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// An elastic tissue into which a needle goes.
+#include "physics_node/elastic_tissue/elastic_tissue.h"
+
+namespace palpate::physics {
+namespace {
+
+// The numbers of different tissues are different.
+constexpr std::uint32_t kMostTissues = 256;
+
+}  // namespace
+
+bool ElasticTissue::can_be_pierced() const noexcept {
+  return gripper_ && gripper_->is_needle() && whole_->pierced.has_value();
+}
+
+void ElasticTissue::set_needle(std::size_t tool, const JawInput& input, bool may_pierce) noexcept {
+  Tool& own = *tools_[tool];
+  own.jaw_m_per_s = input.velocity_m_per_s;
+  own.inward = input.inward_world;
+  own.may_pierce = may_pierce && can_be_pierced();
+  own.is_jaw_led = own.jaw.is_closed() && input.report && input.report->number == own.jaw.number();
+  if (own.is_jaw_led) own.jaw.follow(input.report->slip_m, input.report->has_let_go);
+  own.jaw_command.store(own.jaw.command());
+}
+
+/// After a touch, which may be a puncture: the next solution holds the tissue.
+void ElasticTissue::pierce(Tool& own, const Contact& contact) const noexcept {
+  if (!own.may_pierce || own.jaw.is_closed()) return;
+  const Piercing::Laws laws{.tissue = *whole_->pierced, .needle = *gripper_};
+  if (!own.piercing.presses(laws, contact.force_on_tool_newton, own.side.place_m(), own.inward,
+                            tip_radius_m_)) {
+    return;
+  }
+  own.jaw.set(kMostTissues * ++own.punctures + whole_->tissue % kMostTissues);
+  own.piercing.update(laws, 0.0, own.jaw.start_needle());
+  own.jaw_command.store(own.jaw.command());
+}
+
+/// Before a step of a needle that is in. False: it is not in any more.
+bool ElasticTissue::stays_in(Tool& own, const GripModel& model) const noexcept {
+  // where nothing was in reach, or what was held has vanished, nothing holds it
+  const bool has_nothing = model.number == own.jaw.number() && !model.is_holding();
+  if (own.jaw.is_closed() && (has_nothing || own.jaw.is_lost())) {
+    own.piercing.leave(own.jaw.needle());
+    own.jaw.set(0);
+    own.jaw_command.store(own.jaw.command());
+  }
+  if (!own.jaw.holds(model)) return false;
+  own.jaw.begin(model);
+  own.piercing.update({.tissue = *whole_->pierced, .needle = *gripper_}, own.jaw.depth_m(),
+                      own.jaw.needle());
+  return true;
+}
+
+}  // namespace palpate::physics
