@@ -14,6 +14,7 @@ namespace {
 constexpr double kHeldPenetration_m = 1.0;  // a contact that the tool does not leave
 constexpr double kHeldTrust_m = 1.0;
 constexpr double kLongestNeedle_m = 1.0;
+constexpr double kAcross_s = 0.02;  // time constant with which tissue slides onto a needle
 // What a slower tool feels change is creep, not stiffness.
 constexpr double kStill_m_per_s = 2e-3;
 // Of what was dissipated in the steps before, in a step.
@@ -83,20 +84,26 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
                   const JawCommand& command, const std::optional<TipState>& tip) {
   const bool is_this = command.is_closed && command.number == model_.number && tip.has_value();
   if (model_.is_holding() && !is_this) let_go(simulation, tool);
+  if (model_.is_holding() && !across_m_.isZero(0.0)) {
+    const Vector3 by_m = across_m_ * simulation.step_s() / (simulation.step_s() + kAcross_s);
+    simulation.shift(tool, by_m);
+    across_m_ -= by_m;
+  }
   if (!command.is_closed || command.number == model_.number) return;
+  across_m_.setZero();
   model_ = {.number = command.number};
   if (!tip) return;
   model_.place_m = tip->tip_m - tip->slip_m;
-  const std::size_t points = simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m,
-                                             gripper.most_points, gripper.stiffness_newton_per_m,
-                                             gripper.is_needle());
+  const std::size_t points =
+      simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m, gripper.most_points,
+                      gripper.stiffness_newton_per_m, gripper.is_needle());
   model_.points = static_cast<std::uint32_t>(points);
   if (gripper.is_needle() && points > 0) {
     const Vector3 way_m = tip->tip_m - tip->place_m - simulation.moved_m(tool);
     const double deeper_m = way_m.dot(command.inward());
     model_.start_m = std::max(0.0, deeper_m);
-    // across it goes in where it would touch the untouched surface
-    simulation.shift(tool, way_m - deeper_m * command.inward());
+    // across it goes in where it would touch the untouched surface, in the next solutions
+    across_m_ = way_m - deeper_m * command.inward();
   }
   changes_ += points > 0 ? 1U : 0U;
   closed_joule_ = simulation.stored_joule();

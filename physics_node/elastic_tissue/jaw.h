@@ -33,7 +33,7 @@ struct JawCommand {
   double inward_x = 0.0;     ///< of a needle
   double inward_y = 0.0;
   double inward_z = 0.0;
-  double slip_x_m = 0.0;     ///< of the tool since that closing
+  double slip_x_m = 0.0;  ///< of the tool since that closing
   double slip_y_m = 0.0;
   double slip_z_m = 0.0;
 
@@ -155,10 +155,11 @@ class Jaw {
   GripModel model_;
   std::vector<Matrix3> stiffness_with_;  // of each tool of the body, at rest
   std::optional<Measured> measured_;
-  double closed_joule_ = 0.0;  // in the body, when they closed
-  bool is_body_new_ = false;   // since the last read()
-  Seen last_;                  // the solution before
-  Seen explained_;             // one that K has been made for, or in which the tool stood still
+  Vector3 across_m_ = Vector3::Zero();  // that a needle still slides to where it would be at rest
+  double closed_joule_ = 0.0;           // in the body, when they closed
+  bool is_body_new_ = false;            // since the last read()
+  Seen last_;                           // the solution before
+  Seen explained_;  // one that K has been made for, or in which the tool stood still
   // of late: what the body has dissipated, and what β K v would have
   double lost_joule_ = 0.0;
   double expected_joule_ = 0.0;

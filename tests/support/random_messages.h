@@ -280,11 +280,11 @@ inline void randomise(MofcTick& r, Random& random) {
     r.ledger_energy_joule = random.uniform(-1.0, 1.0);
   }
   r.force_age = random_duration(random);
-  r.state = static_cast<MofcState>(random.below(7));
+  r.state = static_cast<MofcState>(random.below(5));
   r.is_clamped = random.chance(0.5);
   r.is_from_standby = random.chance(0.5);
   r.is_in_contact = random.chance(0.5);
-  r.grip = static_cast<GripState>(random.below(5));
+  r.grip = static_cast<GripState>(random.below(7));
 }
 
 inline void randomise(PhysicsTick& r, Random& random) {

@@ -291,7 +291,6 @@ TEST(InteractionCodec, RefusesAnInvalidGrip) {
   };
   pierced([](v1::Needle&) {}, true);
   pierced([](v1::Needle& n) { n.set_deepest_m(1000.0); }, true);
-  pierced([](v1::Needle& n) { n.clear_inward_world(); }, false);
   pierced([](v1::Needle& n) { n.mutable_inward_world()->set_x(0.01); }, false);
   pierced([](v1::Needle& n) { n.set_cutting_newton(1.01e4); }, false);
   pierced([](v1::Needle& n) { n.set_spreading_newton(-1e-9); }, false);
