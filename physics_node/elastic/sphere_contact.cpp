@@ -15,7 +15,9 @@ namespace {
 constexpr double kConeCosine = 0.5;
 constexpr double kConeSine = 0.8660254037844386;
 // A round that leaves more than this of what the one before left makes the points that are too far
-// so many times as stiff, and none more than kMostStiffer times.
+// so many times as stiff, and none more than kMostStiffer times, while the sphere moves by less
+// than so much in a step: a stiffer one crumples a body that is pressed on rather than let it fail.
+constexpr double kStillRadii = 0.02;
 constexpr double kStuck = 0.5;
 constexpr double kStiffer = 4.0;
 constexpr double kMostStiffer = 64.0;
@@ -87,6 +89,7 @@ void SphereContact::forget() noexcept {
   std::fill(stiffnesses_pa_per_m_.begin(), stiffnesses_pa_per_m_.end(), stiffness_pa_per_m_);
   std::fill(sides_.begin(), sides_.end(), Side::kUnknown);
   seen_from_m_.reset();
+  settled_from_m_.reset();
   near_.clear();
   settled_.clear();
 }
@@ -96,6 +99,7 @@ void SphereContact::continue_as(const SphereContact& other,
   forget();
   set_sphere(other.centre_m_, other.radius_m_);
   seen_from_m_ = other.seen_from_m_;
+  settled_from_m_ = other.settled_from_m_;
   nearest_m_ = other.nearest_m_;
   for (std::uint32_t i = 0; i < old_points.size(); ++i) {
     if (old_points[i] < 0) continue;
@@ -107,8 +111,16 @@ void SphereContact::continue_as(const SphereContact& other,
   }
 }
 
+/// Since the last step.
+bool SphereContact::is_still() const noexcept {
+  return settled_from_m_ && (centre_m_ - *settled_from_m_).norm() <= kStillRadii * radius_m_;
+}
+
 void SphereContact::choose_near(const double* x_m, double margin_m) {
   near_.clear();
+  if (!is_still()) {
+    std::fill(stiffnesses_pa_per_m_.begin(), stiffnesses_pa_per_m_.end(), stiffness_pa_per_m_);
+  }
   const double reach_m = radius_m_ + margin_m;
   nearest_m_ = std::numeric_limits<double>::infinity();
   bool is_face_near = false;
@@ -265,7 +277,7 @@ bool SphereContact::begin_round(const double* x_m, const BlockPattern& pattern) 
   for (const std::uint32_t i : near_) {
     multipliers_pa_[i] = multiplier_after(touch(i, x_m), i, pattern);
   }
-  if (worst_m > kStuck * last_worst_m_) {
+  if (worst_m > kStuck * last_worst_m_ && is_still()) {
     const double most_pa_per_m = kMostStiffer * stiffness_pa_per_m_;
     for (const std::uint32_t i : far) {
       stiffnesses_pa_per_m_[i] = std::min(kStiffer * stiffnesses_pa_per_m_[i], most_pa_per_m);
@@ -278,6 +290,7 @@ bool SphereContact::begin_round(const double* x_m, const BlockPattern& pattern) 
 double SphereContact::update_multipliers(const double* x_m, const BlockPattern& pattern) {
   double deepest_m = 0.0;
   last_worst_m_ = kNoRound;
+  settled_from_m_ = centre_m_;
   settled_.clear();
   for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);

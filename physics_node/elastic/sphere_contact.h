@@ -122,6 +122,7 @@ class SphereContact : public Obstacle {
     double distance_m;  // from the centre; 0: the normal is at the border of the cone
     double pressure_pa;
   };
+  [[nodiscard]] bool is_still() const noexcept;
   static constexpr double kNoRound = std::numeric_limits<double>::infinity();
   enum class Side : std::uint8_t { kUnknown, kFacing, kHidden };
   void add_blocks(const double* x_m, const BlockPattern& pattern, bool is_exact,
@@ -136,6 +137,7 @@ class SphereContact : public Obstacle {
   std::shared_ptr<const std::vector<char>> is_held_;         // by point; of all copies
   std::vector<double> multipliers_pa_;
   std::vector<double> stiffnesses_pa_per_m_;  // by point: raised where rounds come no nearer
+  std::optional<Vector3d> settled_from_m_;    // the centre at the end of the last step
   double last_worst_m_ = kNoRound;            // at the round before, in this step
   std::vector<std::uint32_t> near_;           // points that may touch
   // since the first choose_near()

@@ -315,8 +315,10 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
     for (const std::size_t i : there) {
       Touch& touch = touches_[i];
       touch.centre_m = touches_before[i].centre_m;
-      touch.blocked_steps = kBlockedSteps;
       touch.blocked_m = tips[i]->tip_m - touch.centre_m;
+      // one that leaves does not wait
+      const bool is_leaving = touch.blocked_m.dot(tips[i]->place_m - touch.centre_m) > 0.0;
+      touch.blocked_steps = is_leaving ? 0 : kBlockedSteps;
       tips_.contacts[i].choose_near(before_m_.data(), tip_radius_m_);
       tips_.is_near[i] = tips_.contacts[i].near_count() > 0 ? 1 : 0;
     }

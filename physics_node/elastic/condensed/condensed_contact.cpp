@@ -17,7 +17,7 @@ namespace {
 
 // Of the compliance: an equilibrium that asks for more is none, the body moves.
 constexpr double kMostScale = 2.0;
-constexpr double kLeastScale = 0.1;
+constexpr double kLeastScale = 1.0 / 3.0;
 
 constexpr double kLeastArea_m2 = 1e-12;
 // On the other side of the body.

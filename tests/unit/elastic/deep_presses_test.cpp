@@ -52,7 +52,8 @@ TEST(DeepPresses, ComeToTheForceOfASlowFullSolution) {
       held, beyond, beyond_own, gaining);
   EXPECT_LE(beyond, held / 6);
   EXPECT_LE(beyond_own, held / 20);
-  EXPECT_LE(gaining, held / 20);
+  // a body that has become stiffer follows a tip that leaves fast too well, until the next solution
+  EXPECT_LE(gaining, held / 12);
 }
 
 }  // namespace
