@@ -43,6 +43,7 @@ struct ElasticPatches::Model {
   std::array<Vector3, kElasticSlots> rest_m;
   std::array<Vector3, kElasticSlots> solved_m;  // where the forces of the state want the points
   std::array<Vector3, kElasticSlots> solved_newton;
+  std::array<Vector3, kElasticSlots> axes;      // their directions @see SphereSweep
   std::array<Vector3, kElasticSlots> placed_m;  // where they are in the state
   std::array<Vector3, kElasticSlots> base_m;
   std::array<Vector3, kElasticSlots> still_m;     // see SphereSweep
@@ -201,6 +202,7 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
   model.placed_m = model.still_m = model.rest_m;
   model.has_reached.fill(false);
   model.solved_newton.fill(Vector3::Zero());
+  model.axes.fill(Vector3::Zero());
   model.rigid_give.fill(1.0);
   model.is_held.fill(0);
   model.clear_forces();
@@ -208,6 +210,7 @@ void ElasticPatches::Patch::begin(Model& model) noexcept {
     const ElasticPlace& place = state_.places[slot];
     if (place.version == 0) continue;
     model.solved_newton[slot] = times(static_cast<double>(state_.force_step_newton), place.force);
+    model.axes[slot] = model.solved_newton[slot].stableNormalized();
     model.sum_newton += model.solved_newton[slot].norm();
   }
   arrive(model);
@@ -280,6 +283,7 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
       .radius_m = model.state.tip_radius_m,
       .still_m = model.still_m.data(),
       .along = model.state.normal,
+      .axes = model.axes.data(),
       .reached_m = model.reached_m.data(),
       .pace = pace_of(model.state.compliance_ratio * model.state.relaxation_s, step_s)};
   // from between the untouched body and the state, where the forces are nearest

@@ -14,6 +14,13 @@ namespace {
 // Half the angle of the cone of a point's normals in a step: 60°.
 constexpr double kConeCosine = 0.5;
 constexpr double kConeSine = 0.8660254037844386;
+// A round that leaves more than this of what the one before left makes the points that are too far
+// so many times as stiff, and none more than kMostStiffer times, while the sphere moves by less
+// than so much in a step: a stiffer one crumples a body that is pressed on rather than let it fail.
+constexpr double kStillRadii = 0.02;
+constexpr double kStuck = 0.5;
+constexpr double kStiffer = 4.0;
+constexpr double kMostStiffer = 64.0;
 
 struct FaceCorners {
   Vector3d a;
@@ -60,20 +67,29 @@ std::vector<SurfacePoint> surface_points(const Mesh& mesh, const std::vector<Fac
   return points;
 }
 
-SphereContact::SphereContact(std::vector<SurfacePoint> points, double stiffness_pa_per_m)
+SphereContact::SphereContact(std::vector<SurfacePoint> points, double stiffness_pa_per_m,
+                             const BlockPattern* pattern)
     : points_(std::make_shared<const std::vector<SurfacePoint>>(std::move(points))),
       multipliers_pa_(points_->size(), 0.0),
+      stiffnesses_pa_per_m_(points_->size(), stiffness_pa_per_m),
       near_(points_->size()),
       sides_(points_->size(), Side::kUnknown),
       cones_(points_->size(), Vector3d::Zero()),
       stiffness_pa_per_m_(stiffness_pa_per_m) {
+  std::vector<char> is_held(points_->size(), 0);
+  for (std::size_t i = 0; pattern != nullptr && i < is_held.size(); ++i) {
+    is_held[i] = (*points_)[i].is_held(*pattern) ? 1 : 0;
+  }
+  is_held_ = std::make_shared<const std::vector<char>>(std::move(is_held));
   std::iota(near_.begin(), near_.end(), 0U);
 }
 
 void SphereContact::forget() noexcept {
   std::fill(multipliers_pa_.begin(), multipliers_pa_.end(), 0.0);
+  std::fill(stiffnesses_pa_per_m_.begin(), stiffnesses_pa_per_m_.end(), stiffness_pa_per_m_);
   std::fill(sides_.begin(), sides_.end(), Side::kUnknown);
   seen_from_m_.reset();
+  settled_from_m_.reset();
   near_.clear();
   settled_.clear();
 }
@@ -83,18 +99,28 @@ void SphereContact::continue_as(const SphereContact& other,
   forget();
   set_sphere(other.centre_m_, other.radius_m_);
   seen_from_m_ = other.seen_from_m_;
+  settled_from_m_ = other.settled_from_m_;
   nearest_m_ = other.nearest_m_;
   for (std::uint32_t i = 0; i < old_points.size(); ++i) {
     if (old_points[i] < 0) continue;
     const auto old = static_cast<std::size_t>(old_points[i]);
     multipliers_pa_[i] = other.multipliers_pa_[old];
+    stiffnesses_pa_per_m_[i] = other.stiffnesses_pa_per_m_[old];
     sides_[i] = other.sides_[old];
     cones_[i] = other.cones_[old];
   }
 }
 
+/// Since the last step.
+bool SphereContact::is_still() const noexcept {
+  return settled_from_m_ && (centre_m_ - *settled_from_m_).norm() <= kStillRadii * radius_m_;
+}
+
 void SphereContact::choose_near(const double* x_m, double margin_m) {
   near_.clear();
+  if (!is_still()) {
+    std::fill(stiffnesses_pa_per_m_.begin(), stiffnesses_pa_per_m_.end(), stiffness_pa_per_m_);
+  }
   const double reach_m = radius_m_ + margin_m;
   nearest_m_ = std::numeric_limits<double>::infinity();
   bool is_face_near = false;
@@ -125,6 +151,7 @@ void SphereContact::choose_near(const double* x_m, double margin_m) {
     } else {
       sides_[i] = Side::kUnknown;
       multipliers_pa_[i] = 0.0;
+      stiffnesses_pa_per_m_[i] = stiffness_pa_per_m_;
     }
   }
   seen_from_m_ = centre_m_;
@@ -147,6 +174,10 @@ bool SphereContact::look_at(std::size_t point, const Vector3d& at_m,
   } else if (distance_m > 0.5 * radius_m_ && cones_[point].dot(away) > 0.0) {
     cones_[point] = away / distance_m;
   }
+  // what is fixed does not turn away from a sphere that is pressed into it
+  if ((*is_held_)[point] != 0 && distance_m <= radius_m_ && sides_[point] == Side::kFacing) {
+    cones_[point] = -face_normal;
+  }
   return sides_[point] == Side::kFacing;
 }
 
@@ -166,7 +197,8 @@ SphereContact::Touch SphereContact::touch(std::size_t point, const double* x_m) 
     touch.gap_m = touch.normal.dot(away) - radius_m_;
     touch.distance_m = 0.0;
   }
-  touch.pressure_pa = std::max(0.0, multipliers_pa_[point] - stiffness_pa_per_m_ * touch.gap_m);
+  touch.pressure_pa =
+      std::max(0.0, multipliers_pa_[point] - stiffnesses_pa_per_m_[point] * touch.gap_m);
   return touch;
 }
 
@@ -177,7 +209,7 @@ double SphereContact::add_gradient(const double* x_m, double* gradient) const {
     const SurfacePoint& point = (*points_)[i];
     const double multiplier = multipliers_pa_[i];
     energy += point.area_m2 * (at.pressure_pa * at.pressure_pa - multiplier * multiplier) /
-              (2.0 * stiffness_pa_per_m_);
+              (2.0 * stiffnesses_pa_per_m_[i]);
     if (at.pressure_pa == 0.0) continue;
     const Vector3d force = -point.area_m2 * at.pressure_pa * at.normal;
     for (std::size_t a = 0; a < static_cast<std::size_t>(point.count); ++a) {
@@ -204,7 +236,7 @@ void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, b
     if (at.pressure_pa == 0.0) continue;
     const SurfacePoint& point = (*points_)[i];
     Eigen::Matrix3d stiffness =
-        point.area_m2 * stiffness_pa_per_m_ * at.normal * at.normal.transpose();
+        point.area_m2 * stiffnesses_pa_per_m_[i] * at.normal * at.normal.transpose();
     // the normal turns when the point slides: that part is negative
     if (is_exact && at.distance_m > 0.0) {
       stiffness -= point.area_m2 * at.pressure_pa / at.distance_m *
@@ -233,20 +265,32 @@ double SphereContact::multiplier_after(const Touch& at, std::uint32_t point,
 }
 
 bool SphereContact::begin_round(const double* x_m, const BlockPattern& pattern) {
-  const auto is_close = [&](std::uint32_t i) {
+  double worst_m = 0.0;
+  std::vector<std::uint32_t> far;
+  for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
-    return at.pressure_pa == 0.0 || std::abs(at.gap_m) <= kClose * radius_m_ ||
-           (*points_)[i].is_held(pattern);
-  };
-  if (std::all_of(near_.begin(), near_.end(), is_close)) return false;
+    if (at.pressure_pa == 0.0 || (*points_)[i].is_held(pattern)) continue;
+    worst_m = std::max(worst_m, std::abs(at.gap_m));
+    if (std::abs(at.gap_m) > kClose * radius_m_) far.push_back(i);
+  }
+  if (far.empty()) return false;
   for (const std::uint32_t i : near_) {
     multipliers_pa_[i] = multiplier_after(touch(i, x_m), i, pattern);
   }
+  if (worst_m > kStuck * last_worst_m_ && is_still()) {
+    const double most_pa_per_m = kMostStiffer * stiffness_pa_per_m_;
+    for (const std::uint32_t i : far) {
+      stiffnesses_pa_per_m_[i] = std::min(kStiffer * stiffnesses_pa_per_m_[i], most_pa_per_m);
+    }
+  }
+  last_worst_m_ = worst_m;
   return true;
 }
 
 double SphereContact::update_multipliers(const double* x_m, const BlockPattern& pattern) {
   double deepest_m = 0.0;
+  last_worst_m_ = kNoRound;
+  settled_from_m_ = centre_m_;
   settled_.clear();
   for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);

@@ -63,7 +63,9 @@ struct SurfacePoint {
 class SphereContact : public Obstacle {
  public:
   /// @param stiffness_pa_per_m  > 0
-  SphereContact(std::vector<SurfacePoint> points, double stiffness_pa_per_m);
+  /// @param pattern  of the body: which points are held; null: none
+  SphereContact(std::vector<SurfacePoint> points, double stiffness_pa_per_m,
+                const BlockPattern* pattern = nullptr);
 
   void set_sphere(const Vector3d& centre_m, double radius_m) noexcept {
     centre_m_ = centre_m;
@@ -120,6 +122,8 @@ class SphereContact : public Obstacle {
     double distance_m;  // from the centre; 0: the normal is at the border of the cone
     double pressure_pa;
   };
+  [[nodiscard]] bool is_still() const noexcept;
+  static constexpr double kNoRound = std::numeric_limits<double>::infinity();
   enum class Side : std::uint8_t { kUnknown, kFacing, kHidden };
   void add_blocks(const double* x_m, const BlockPattern& pattern, bool is_exact,
                   BlockValues& values) const;
@@ -130,8 +134,12 @@ class SphereContact : public Obstacle {
                              const Vector3d& face_normal) noexcept;
 
   std::shared_ptr<const std::vector<SurfacePoint>> points_;  // of all copies
+  std::shared_ptr<const std::vector<char>> is_held_;         // by point; of all copies
   std::vector<double> multipliers_pa_;
-  std::vector<std::uint32_t> near_;  // points that may touch
+  std::vector<double> stiffnesses_pa_per_m_;  // by point: raised where rounds come no nearer
+  std::optional<Vector3d> settled_from_m_;    // the centre at the end of the last step
+  double last_worst_m_ = kNoRound;            // at the round before, in this step
+  std::vector<std::uint32_t> near_;           // points that may touch
   // since the first choose_near()
   std::vector<Side> sides_;
   std::vector<Vector3d> cones_;  // axis, out of the sphere; zero: any direction

@@ -23,8 +23,8 @@ constexpr double kLeastFacing = 0.2;
 // many steps: there was no motion on the way.
 constexpr double kLeastSettling_s = 0.08;
 constexpr double kSettlingPeriods = 4.0;
-// A sphere that could not go on tries again after so many steps, or when its tip has come nearer
-// by this factor.
+// A sphere that could not go on tries again after so many steps, or when its tip has come back
+// by this factor of the way that was left.
 constexpr int kBlockedSteps = 10;
 constexpr double kNearer = 0.9;
 // Then the body begins again.
@@ -117,7 +117,8 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
       triangles_(triangles_of(body)),
       before_relaxed_(dynamics_.relaxation()) {
   for (std::size_t i = 0; i < tools; ++i) {
-    tips_.contacts.emplace_back(body.points, body.contact_stiffness_pa_per_m);
+    tips_.contacts.emplace_back(body.points, body.contact_stiffness_pa_per_m,
+                                &body.body->pattern());
     tips_.is_near.push_back(0);
     tips_.held.emplace_back();
   }
@@ -170,7 +171,8 @@ bool ElasticSimulation::follow(std::size_t tool, const TipState& tip) {
   }
   touch.is_near = true;
   if (touch.blocked_steps > 0) {
-    const bool is_nearer = (tip.tip_m - touch.centre_m).norm() < kNearer * touch.blocked_m;
+    const bool is_nearer =
+        touch.blocked_m.dot(tip.tip_m - touch.centre_m) < kNearer * touch.blocked_m.squaredNorm();
     touch.blocked_steps = is_nearer ? 0 : touch.blocked_steps - 1;
     contact.choose_near(x, tip_radius_m_);
     if (touch.blocked_steps > 0) return true;
@@ -320,8 +322,10 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
     for (const std::size_t i : there) {
       Touch& touch = touches_[i];
       touch.centre_m = touches_before[i].centre_m;
-      touch.blocked_steps = kBlockedSteps;
-      touch.blocked_m = (tips[i]->tip_m - touch.centre_m).norm();
+      touch.blocked_m = tips[i]->tip_m - touch.centre_m;
+      // one that leaves does not wait
+      const bool is_leaving = touch.blocked_m.dot(tips[i]->place_m - touch.centre_m) > 0.0;
+      touch.blocked_steps = is_leaving ? 0 : kBlockedSteps;
       tips_.contacts[i].choose_near(before_m_.data(), tip_radius_m_);
       tips_.is_near[i] = tips_.contacts[i].near_count() > 0 ? 1 : 0;
     }
@@ -365,7 +369,7 @@ void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tip
     touches_ = touches_before;
     for (const std::size_t i : there) {
       touches_[i].blocked_steps = kBlockedSteps;
-      touches_[i].blocked_m = (tips[i]->tip_m - touches_[i].centre_m).norm();
+      touches_[i].blocked_m = tips[i]->tip_m - touches_[i].centre_m;
       touches_[i].has_failed = step == 0;
     }
     return;

@@ -89,12 +89,12 @@ class ElasticSimulation {
   [[nodiscard]] double stored_joule() const noexcept;
 
   struct Touch {
-    bool is_near = false;                ///< the tip may touch within the next steps
-    bool is_arriving = false;            ///< the tip appeared inside, the sphere is on its way
-    bool has_failed = false;             ///< in the last step: there is no force
-    int blocked_steps = 0;               ///< that the sphere will wait: the body cannot give way
-    double blocked_m = 0.0;              ///< from the tip when it began to wait
-    Vector3 centre_m = Vector3::Zero();  ///< of the sphere in the last step
+    bool is_near = false;                 ///< the tip may touch within the next steps
+    bool is_arriving = false;             ///< the tip appeared inside, the sphere is on its way
+    bool has_failed = false;              ///< in the last step: there is no force
+    int blocked_steps = 0;                ///< that the sphere will wait: the body cannot give way
+    Vector3 blocked_m = Vector3::Zero();  ///< from the sphere to the tip when it began to wait
+    Vector3 centre_m = Vector3::Zero();   ///< of the sphere in the last step
     Vector3 force_on_tool_newton = Vector3::Zero();        ///< by tip or jaws
     std::vector<elastic::Vector3d> forces_on_body_newton;  ///< of body.points; empty: none
   };

@@ -127,7 +127,8 @@ Vector3 ElasticTissue::press(Tool& own, Prepared& prepared) const noexcept {
   const bool is_new = std::exchange(own.stepped, &prepared) != &prepared;
   const Vector3 from_m = is_new ? prepared.centre_m : own.stepped_m;
   const double from_s = is_new ? prepared.time_s : own.stepped_s;
-  const double parts = (own.tip_m - from_m).norm() / (kStepRadii * tip_radius_m_);
+  const Vector3 tip_m = prepared.reachable_m(own.tip_m);
+  const double parts = (tip_m - from_m).norm() / (kStepRadii * tip_radius_m_);
   const int least = is_new ? kLeastCatchUpSteps : 1;
   const int steps = parts < kMostCatchUpSteps ? std::max(least, static_cast<int>(std::ceil(parts)))
                                               : kMostCatchUpSteps;
@@ -156,9 +157,10 @@ Vector3 ElasticTissue::press(Tool& own, Prepared& prepared) const noexcept {
       }
       const double gap_s = own.passed[later].time_s - earlier_s;
       const double share = gap_s > 0.0 ? std::clamp((at_s - earlier_s) / gap_s, 0.0, 1.0) : 1.0;
+      const Vector3 at_m = earlier_m + share * (own.passed[later].tip_m - earlier_m);
       force = prepared.contact
-                  ->step(earlier_m + share * (own.passed[later].tip_m - earlier_m), tip_radius_m_,
-                         kMostSweeps, kSweepTolerance_m, step_s)
+                  ->step(prepared.reachable_m(at_m), tip_radius_m_, kMostSweeps, kSweepTolerance_m,
+                         step_s)
                   .force_on_sphere_newton;
     }
     here_s = to_s;
@@ -398,6 +400,8 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   }
   draft.centre_m = touch.centre_m;
   draft.time_s = tool.slow_time_s;
+  draft.waiting.setZero();
+  if (touch.blocked_steps > 0) draft.waiting = touch.blocked_m.stableNormalized();
   draft.error = tool.error;
   if (is_folded_) draft.contact->fold();
   draft.probe.emplace(*draft.contact);

@@ -7,6 +7,7 @@
 //   tool's step   touch()   contact of the sphere with these points, whatever the size of the mesh
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -196,6 +197,11 @@ class ElasticTissue {
     Vector3 centre_m = Vector3::Zero();              // of the sphere in the full solution
     Vector3 patch_m = Vector3::Zero();               // the points are the nearest to this place
     double time_s = 0.0;                             // of the tip there
+    /// Unit; the sphere waits at centre_m and goes no further this way; zero: it does not wait.
+    Vector3 waiting = Vector3::Zero();
+    [[nodiscard]] Vector3 reachable_m(const Vector3& tip_m) const noexcept {
+      return tip_m - std::max(0.0, waiting.dot(tip_m - centre_m)) * waiting;
+    }
     Vector3 force_outside_patch_newton =
         Vector3::Zero();  // on the tool, from points that are not among these
     double surface_offset_by_other_tools_m =

@@ -13,11 +13,27 @@ constexpr double kAside = 0.5;
 // The force of a point that gives way less than so much of its penalty changes in smaller parts: a
 // compliance of floats is not that exact.
 constexpr double kLeastGive = 0.1;
+// Half the angle of the cone of a point's normals: 60°.
+constexpr double kConeCosine = 0.5;
+constexpr double kConeSine = 0.8660254037844386;
 
 PALPATE_CLONES void add_three(const float* m, std::size_t stride, const float* x, float* y) {
   const float* const m1 = m + stride;
   const float* const m2 = m1 + stride;
   for (std::size_t i = 0; i < stride; ++i) y[i] = y[i] + m[i] * x[0] + m1[i] * x[1] + m2[i] * x[2];
+}
+
+/// @param axis  zero: any direction
+Vector3 normal_of(const Vector3& away, const Vector3& axis, double radius_m) noexcept {
+  const double distance_m = away.norm();
+  const double along_m = axis.dot(away);
+  if (distance_m < radius_m && along_m < kConeCosine * distance_m && !axis.isZero(0.0)) {
+    const Vector3 sideways = away - along_m * axis;
+    const double width_m = sideways.norm();
+    if (!(width_m > 0.0)) return axis;
+    return kConeCosine * axis + kConeSine / width_m * sideways;
+  }
+  return away / std::max(distance_m, 1e-9);
 }
 
 }  // namespace
@@ -47,8 +63,8 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
       const Vector3 moved_m = at_m - still_m;
       at_m = still_m + (1.0 - kAside) * sphere.along.dot(moved_m) * sphere.along + kAside * moved_m;
     }
-    const Vector3 away = at_m - sphere.center_m;
-    sphere.normals[i] = away / std::max(away.norm(), 1e-9);
+    const Vector3 axis = sphere.axes != nullptr ? sphere.axes[i] : Vector3(Vector3::Zero());
+    sphere.normals[i] = normal_of(at_m - sphere.center_m, axis, sphere.radius_m);
   }
   for (int sweeps = 0; sweeps < most_sweeps; ++sweeps) {
     double largest_m = 0.0;

@@ -40,6 +40,11 @@ struct SphereSweep {
   const Vector3* still_m = nullptr;
   Vector3 along = Vector3::UnitZ();
 
+  /// By point, out of the sphere, unit: the normal of a point in the sphere stays within 60° of it,
+  /// so that one that the centre has passed is pushed on, and does not pull it through. Zero: any
+  /// direction. Null: none has one.
+  const Vector3* axes = nullptr;
+
   double friction_coefficient = 0.0;   ///< 0: way_m is unused
   Vector3 way_m = Vector3::Zero();     ///< of the sphere since the last sweep
   const Vector3* reached_m = nullptr;  ///< the points at its end

@@ -82,6 +82,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   rigid_give_.clear();
   is_held_.clear();
   forces_newton_.clear();
+  axes_.clear();
   std::vector<std::uint32_t> nodes;
   for (const std::size_t point : chosen_) points[point].add_nodes_to(nodes);
   const SurfaceCompliance::Required columns = compliance_->require(nodes);
@@ -101,6 +102,8 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
     rigid_give_.push_back(1.0 / (stiffness_pa_per_m_ * std::max(at.area_m2, kLeastArea_m2)));
     forces_newton_.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
                                                            : forces_on_body_newton[chosen_[j]]);
+    axes_.push_back(is_held_.back() != 0 ? Vector3d(-at.outward(x_m.data()))
+                                         : forces_newton_.back().stableNormalized());
     float* onto = onto_surface_.data() + (moves_surface_ ? 3 * j * surface_stride_ : 0);
     if (!moves_surface_) std::fill(onto_surface_.begin(), onto_surface_.end(), 0.0F);
     for (std::size_t b = 0; b < static_cast<std::size_t>(at.count); ++b) {
@@ -393,6 +396,7 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
                            .radius_m = radius_m,
                            .still_m = along_.isZero(0.0) ? nullptr : still_m_.data(),
                            .along = along_,
+                           .axes = axes_.data(),
                            .friction_coefficient = friction_coefficient_,
                            .way_m = way,
                            .reached_m = reached_m_.data(),

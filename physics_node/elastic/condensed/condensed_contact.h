@@ -218,6 +218,7 @@ class CondensedContact {
   std::vector<char> is_held_;
   std::vector<Vector3d> base_forces_newton_;
   std::vector<Vector3d> forces_newton_;  // on the body
+  std::vector<Vector3d> axes_;           // of what is pressed in prepare()'s @see SphereSweep
   std::vector<Vector3d> still_m_;        // the points between the equilibria @see SphereSweep
   Vector3d along_ = Vector3d::Zero();
   std::vector<Vector3d> reached_m_;     // the points at the end of the last step
