@@ -112,7 +112,7 @@ double error_ratio_of(const Recording& way) {
 // Through the membrane and to the lesion, beside full solutions every millisecond.
 TEST(Needle, GoesInAsInFullSolutions) {
   const Recording way = run(shipped("tools/biopsy"), 4200ms, true);
-  EXPECT_LT(error_ratio_of(way), 0.02);
+  EXPECT_LT(error_ratio_of(way), 0.03);
   EXPECT_EQ(way.mofc.punctures, 1U);
   EXPECT_EQ(way.last().mofc->grip, GripState::kPierced);
 }
