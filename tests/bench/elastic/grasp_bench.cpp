@@ -136,7 +136,7 @@ Path needle_path() {
   constexpr double kRest_s = 0.3;
   constexpr double kWay_m = 0.029;
   Path path{.name = "needle, 25 mm and again",
-            .scene = load_session(test::source_dir() + "/deploy/sessions/biopsy.txtpb").scene,
+            .scene = load_session(test::source_dir() + "/deploy/sessions/tools/biopsy.txtpb").scene,
             .tip_m = {},
             .seconds = 4.0 * (kSpan_s + kRest_s)};
   path.tip_m = [](double time_s) {
