@@ -303,10 +303,10 @@ TEST_F(Studies, AReportOfWhatFollowsAMissingTrialIsIncomplete) {
   files_.write("own.txtpb", R"(
     name: "study_gap" hand { hold { position_m { z: 0.01 } } }
     scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
-    task { free {} time_s: 0.2 }
+    task { free {} time_s: 1 }
   )");
   const std::string file =
-      plan("session: \"own.txtpb\" seconds: 0.2 repeats: 3 condition { name: \"a\" }");
+      plan("session: \"own.txtpb\" seconds: 1 repeats: 3 condition { name: \"a\" }");
   ASSERT_EQ(
       palpate({"study", file, "--folder", path("g"), "--participant", "1", "--loopback"}).status,
       0);

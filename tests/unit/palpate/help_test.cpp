@@ -151,7 +151,7 @@ TEST(Glossary, ThatIsBuiltInExplainsWhatIsShown) {
   for (std::string line; std::getline(columns, line);) {
     std::istringstream row(line);
     for (std::string column; std::getline(row, column, ',');) {
-      EXPECT_THAT(explain(entries, column), column.empty() ? IsEmpty() : Not(IsEmpty())) << column;
+      EXPECT_TRUE(column.empty() || !explain(entries, column).empty()) << column;
     }
   }
   EXPECT_THAT(explain(entries, "smoothness").front().meaning, HasSubstr("jerk"));
