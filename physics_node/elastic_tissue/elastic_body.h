@@ -63,7 +63,7 @@ struct ElasticBody {
   /// Of a tip stuck to a half-space of much of the material, 1 mm deep: 8 a G/(2 − ν) [Mindlin49].
   double shear_newton_per_m = 0.0;
   double solve_rate_hz = 50.0;
-  double viscosity_s = 0.0;            ///< Rayleigh's β
+  double viscosity_s = 0.0;  ///< Rayleigh's β
   std::optional<ElasticMaterial::Pierced> pierced = {};
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 

@@ -94,8 +94,8 @@ Vector3 ElasticTissue::pulled_by_others_newton(const GripModel& model) const noe
   for (const GripModel::Other& one : model.others) {
     const Tool& other = *tools_[one.tool];
     if (!other.is_holding || other.jaw.number() != one.number) continue;
-    newton +=
-        one.pull_newton(other.tip_m - other.jaw.slip_since_m(), other.jaw_m_per_s, model.relaxation_s);
+    newton += one.pull_newton(other.tip_m - other.jaw.slip_since_m(), other.jaw_m_per_s,
+                              model.relaxation_s);
   }
   return newton;
 }
