@@ -69,7 +69,8 @@ TEST(TissueChanges, OnlyWhatCanBeAblatedIsRestored) {
   ManualClock clock;
   MemoryLink<TissueChange> link(clock);
   SceneConfig scene = floor_and_ghost();
-  scene.tissues.push_back({.name = "body", .material = ElasticMaterial{}});
+  scene.tissues.push_back(
+      {.name = "body", .geometry = SphereGeometry{}, .material = ElasticMaterial{}});
   TissueChanges without_electrode(scene, link);
   scene.electrode = ElectrodeConfig{};
   TissueChanges changes(scene, link);
