@@ -48,7 +48,7 @@ TEST(CohesiveLaw, TakesTheToughnessAndGoesBackOnALine) {
 
 /// A beam on springs of its lower side, some of which have torn further.
 struct TornBeam {
-  explicit TornBeam(std::uint64_t seed) : body(description()), tearing(body) {
+  explicit TornBeam(unsigned seed) : body(description()), tearing(body) {
     tearing.note(random_shape(body, 3e-4, seed).data());
   }
   static BodyDescription description() {
@@ -73,7 +73,8 @@ struct TornBeam {
 // Central differences, away from the corners of the law.
 TEST(Tearing, ForcesAreTheDerivativeOfTheEnergyAndWithTheBodyItIsStable) {
   int further = 0;
-  for (const std::uint64_t seed : test::seeds(20)) {
+  for (const std::uint64_t number : test::seeds(20)) {
+    const auto seed = static_cast<unsigned>(number);
     const TornBeam beam(seed);
     const VectorXd x = random_shape(beam.body, 4e-4, seed + 1000);
     VectorXd gradient = VectorXd::Zero(x.size());
