@@ -134,34 +134,36 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr double kLength_m = 0.1;
-constexpr double kWidth_m = 0.01;
-constexpr double kHeight_m = 0.006;
-constexpr double kYoung_pa = 1e6;
-constexpr double kSprings_pa_per_m = 3e7;
-constexpr double kFree_m = 0.035;  // of its length at the start
-constexpr double kTip_m = 0.003;
+constexpr double kBeamLength_m = 0.1;
+constexpr double kBeamWidth_m = 0.01;
+constexpr double kBeamHeight_m = 0.006;
+constexpr double kBeamYoung_pa = 1e6;
+constexpr double kBed_pa_per_m = 3e7;
+constexpr double kBeamFree_m = 0.035;  // of its length at the start
+constexpr double kPeelTip_m = 0.003;
 
 class Peeled : public testing::Test {
  protected:
   TissueConfig beam(int cells_along, double toughness_joule_per_m2) {
-    const elastic::Mesh box = elastic::box_mesh(elastic::equal_planes(0.0, kLength_m, cells_along),
-                                                elastic::equal_planes(0.0, kWidth_m, 2),
-                                                elastic::equal_planes(0.0, kHeight_m, 2));
+    const elastic::Mesh box = elastic::box_mesh(
+        elastic::equal_planes(0.0, kBeamLength_m, cells_along),
+        elastic::equal_planes(0.0, kBeamWidth_m, 2), elastic::equal_planes(0.0, kBeamHeight_m, 2));
     TetrahedralMesh mesh;
     mesh.nodes_m.assign(box.nodes_m.begin(), box.nodes_m.end());
     for (std::size_t e = 0; e < box.element_count(); ++e) {
       const auto corners = box.element(e);
       mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
     }
-    ElasticMaterial material{.young_pa = kYoung_pa, .poisson_ratio = 0.0};
+    ElasticMaterial material{.young_pa = kBeamYoung_pa, .poisson_ratio = 0.0};
     material.viscosity_s = 0.0;
     material.mass_damping_per_s = 20.0;
-    material.fixed = {HalfSpaceGeometry{.point_m = {kLength_m - 1e-4, 0, 0}, .normal = {-1, 0, 0}}};
+    material.fixed = {
+        HalfSpaceGeometry{.point_m = {kBeamLength_m - 1e-4, 0, 0}, .normal = {-1, 0, 0}}};
     material.attached = {
-        {.where = BoxGeometry{.center_m = {0.5 * (kFree_m + kLength_m), 0.5 * kWidth_m, 0.0},
-                              .size_m = {kLength_m - kFree_m, kWidth_m, 1e-4}},
-         .stiffness_pa_per_m = kSprings_pa_per_m,
+        {.where =
+             BoxGeometry{.center_m = {0.5 * (kBeamFree_m + kBeamLength_m), 0.5 * kBeamWidth_m, 0.0},
+                         .size_m = {kBeamLength_m - kBeamFree_m, kBeamWidth_m, 1e-4}},
+         .stiffness_pa_per_m = kBed_pa_per_m,
          .toughness_joule_per_m2 = toughness_joule_per_m2}};
     return {.name = "beam",
             .geometry =
@@ -178,7 +180,7 @@ double torn_area_m2(const elastic::Tearing& tearing) {
   for (const auto& one : tearing.attachments()) {
     if (!(one.ratio() > 0.0)) newton_per_m += one.attachment.intact_newton_per_m;
   }
-  return newton_per_m / kSprings_pa_per_m;
+  return newton_per_m / kBed_pa_per_m;
 }
 
 struct Peel {
@@ -195,12 +197,13 @@ Peel peel(const ElasticBody& body) {
   constexpr double kStep_s = 0.02;
   constexpr double kSpeed_m_per_s = 0.001;
   constexpr double kJaws_newton_per_m = 200.0;
-  ElasticSimulation simulation(body, 1, kTip_m, kStep_s);
-  const Vector3 end_m(0.0, 0.5 * kWidth_m, 0.5 * kHeight_m);
+  ElasticSimulation simulation(body, 1, kPeelTip_m, kStep_s);
+  const Vector3 end_m(0.0, 0.5 * kBeamWidth_m, 0.5 * kBeamHeight_m);
   // so softly, and at so few points, that the end turns
   EXPECT_GE(simulation.hold(0, end_m, 0.0015, 4, kJaws_newton_per_m), 2U);
-  const double bending = kYoung_pa * kWidth_m * std::pow(kHeight_m, 3) / 12.0;  // N m²
-  const double stretching_newton_per_m = kYoung_pa * kWidth_m * kHeight_m / kLength_m;
+  const double bending = kBeamYoung_pa * kBeamWidth_m * std::pow(kBeamHeight_m, 3) / 12.0;  // N m²
+  const double stretching_newton_per_m =
+      kBeamYoung_pa * kBeamWidth_m * kBeamHeight_m / kBeamLength_m;
   Peel found;
   Vector3 at_m = end_m;
   Vector3 before_newton = Vector3::Zero();
@@ -218,10 +221,11 @@ Peel peel(const ElasticBody& body) {
     found.work_joule += 0.5 * (newton + before_newton).dot(way_m);
     before_newton = newton;
     found.area_m2 = torn_area_m2(simulation.tearing());
-    if (found.area_m2 > 0.005 * kWidth_m && found.area_m2 < 0.035 * kWidth_m) {
+    if (found.area_m2 > 0.005 * kBeamWidth_m && found.area_m2 < 0.035 * kBeamWidth_m) {
       const double free_m =
           std::cbrt(3.0 * bending * (up_m / newton.z() - 1.0 / kJaws_newton_per_m));
-      found.release_joule_per_m2 += std::pow(newton.z() * free_m, 2) / (2.0 * kWidth_m * bending);
+      found.release_joule_per_m2 +=
+          std::pow(newton.z() * free_m, 2) / (2.0 * kBeamWidth_m * bending);
       ++advances;
     }
   }
@@ -237,7 +241,7 @@ TEST_F(Peeled, TheReleaseRateOfABeamIsTheToughness) {
   constexpr double kToughness = 0.6;
   std::vector<double> releases;
   for (const int cells : {40, 80}) {
-    const auto body = make_elastic_body(beam(cells, kToughness), 0, kTip_m);
+    const auto body = make_elastic_body(beam(cells, kToughness), 0, kPeelTip_m);
     const Peel found = peel(*body);
     releases.push_back(found.release_joule_per_m2);
     EXPECT_NEAR(found.release_joule_per_m2 / kToughness, 1.0, 0.1) << cells;
@@ -251,9 +255,9 @@ TEST_F(Peeled, TheReleaseRateOfABeamIsTheToughness) {
 // Pressed towards what it is attached to it holds; with more toughness too.
 TEST_F(Peeled, OnlyWhatIsPulledOffTears) {
   for (const double toughness : {0.6, 60.0}) {
-    const auto body = make_elastic_body(beam(20, toughness), 0, kTip_m);
-    ElasticSimulation simulation(*body, 1, kTip_m, 0.02);
-    const Vector3 end_m(0.0, 0.5 * kWidth_m, 0.5 * kHeight_m);
+    const auto body = make_elastic_body(beam(20, toughness), 0, kPeelTip_m);
+    ElasticSimulation simulation(*body, 1, kPeelTip_m, 0.02);
+    const Vector3 end_m(0.0, 0.5 * kBeamWidth_m, 0.5 * kBeamHeight_m);
     simulation.hold(0, end_m, 0.006, 64, 1e5);
     const double towards = toughness > 1.0 ? 1.0 : -1.0;
     std::vector<std::optional<TipState>> tips(1);
@@ -266,7 +270,7 @@ TEST_F(Peeled, OnlyWhatIsPulledOffTears) {
       EXPECT_EQ(simulation.tearing().taken_joule(), 0.0);
     } else {
       // on the other side of where it bends it is lifted, and only there
-      EXPECT_LT(torn_area_m2(simulation.tearing()), 0.01 * kWidth_m);
+      EXPECT_LT(torn_area_m2(simulation.tearing()), 0.01 * kBeamWidth_m);
     }
     EXPECT_GT(simulation.touch(0).force_on_tool_newton.norm(), 0.02);
   }
@@ -274,8 +278,8 @@ TEST_F(Peeled, OnlyWhatIsPulledOffTears) {
 
 /// On the free end, which is lifted at 10 mm/s.
 Vector3 lifted_m(double time_s) {
-  return {0.003, 0.5 * kWidth_m,
-          kHeight_m + kTip_m + std::clamp(0.01 * (time_s - 0.2), 0.0, 0.012)};
+  return {0.003, 0.5 * kBeamWidth_m,
+          kBeamHeight_m + kPeelTip_m + std::clamp(0.01 * (time_s - 0.2), 0.0, 0.012)};
 }
 
 SceneForce lift(ElasticTissues& elastic, double time_s) {
@@ -288,11 +292,11 @@ SceneForce lift(ElasticTissues& elastic, double time_s) {
 TEST_F(Peeled, ASessionFollowsItsFullSolutions) {
   if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   const SceneConfig scene{
-      .tip_radius_m = kTip_m,
+      .tip_radius_m = kPeelTip_m,
       .gripper = GripperConfig{.reach_m = 0.006, .stiffness_newton_per_m = 1e4, .jaw_newton = 100},
       .tissues = {beam(20, 0.6)}};
   const auto elastic = ElasticTissues::of(scene, 1, ElasticPace::kVirtual);
-  ElasticReference reference(elastic_bodies_of(scene), kTip_m, 1e-3, scene.gripper);
+  ElasticReference reference(elastic_bodies_of(scene), kPeelTip_m, 1e-3, scene.gripper);
   double error2 = 0.0;
   double force2 = 0.0;
   for (double time_s = 0.0; time_s < 1.6; time_s += 1e-3) {
@@ -306,7 +310,7 @@ TEST_F(Peeled, ASessionFollowsItsFullSolutions) {
   PhysicsCounters counters;
   elastic->count_into(counters);
   EXPECT_GT(counters.elastic_attachments_torn, 3U);
-  EXPECT_GT(counters.elastic_torn_joule, 0.6 * 0.01 * kWidth_m);
+  EXPECT_GT(counters.elastic_torn_joule, 0.6 * 0.01 * kBeamWidth_m);
   EXPECT_GT(counters.elastic_bodies_remade, 0U);
   EXPECT_EQ(counters.elastic_bodies_refused, 0U);
 
@@ -324,11 +328,11 @@ TEST_F(Peeled, IsRefusedWhereItsWeightTearsIt) {
   TissueConfig heavy = beam(20, 0.05);
   auto& material = std::get<ElasticMaterial>(heavy.material);
   material.gravity_m_per_s2 = {0.0, 0.0, 1.0};
-  EXPECT_NO_THROW(static_cast<void>(make_elastic_body(heavy, 0, kTip_m)));
+  EXPECT_NO_THROW(static_cast<void>(make_elastic_body(heavy, 0, kPeelTip_m)));
   material.gravity_m_per_s2 = {0.0, 0.0, 99.0};
   material.density_kg_per_m3 = 3000.0;
   try {
-    static_cast<void>(make_elastic_body(heavy, 0, kTip_m));
+    static_cast<void>(make_elastic_body(heavy, 0, kPeelTip_m));
     FAIL() << "accepted";
   } catch (const SetupError& error) {
     EXPECT_THAT(error.what(), HasSubstr("tears under the weight"));
