@@ -91,9 +91,9 @@ set(PALPATE_BOUNDARIES
   "physics_node/elastic/linear:common/contact/elastic/clones.h,physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/contact/tiles,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
-  "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/contact/elastic,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/condensed,physics_node/elastic/grip,physics_node/elastic_tissue/ablation,physics_node/elastic_tissue/needle,@threads"
+  "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/contact/elastic,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/condensed,physics_node/elastic/grip,physics_node/elastic_tissue/ablation,physics_node/elastic_tissue/needle,@threads"
   "physics_node/elastic_tissue/needle:common/core,common/session/scene_config.h,physics_node/elastic_tissue"
-  "physics_node/elastic_tissue/ablation:common/core,common/session/scene_config.h,physics_node/elastic,physics_node/elastic_tissue,@threads"
+  "physics_node/elastic_tissue/ablation:common/core,common/session/scene_config.h,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic_tissue,@threads"
   # the tissue by itself: in physics_node, and without processes; installed with its C interface
   "physics_node/library:common/core,common/contact,common/session,physics_node/files,physics_node/scene,physics_node/elastic_tissue,physics_node/display/display_mesh.h,@threads"
   "physics_node/library/examples:palpate_tissue.h,palpate_tissue.hpp"
