@@ -460,12 +460,12 @@ std::optional<Cause> Causes::settings(double loss) const {
   return rate_and_mode();
 }
 
-Cause Causes::of_debt() const {
+Cause Causes::of_debt(double loss) const {
   if (auto cause = of_run(0.0)) return *cause;
   if (auto cause = found({"device_restarted", "mofc_restarted"})) return *cause;
+  if (auto cause = settings(loss)) return *cause;
   return {"energy_debt",
-          "the hand got more than was counted for it, as in a pause of the device, and pays it "
-          "back by its motion: see the log; a new start of the session begins a new account"};
+          "the hand got more than was counted, and pays it back by its motion: see the log"};
 }
 
 Cause Causes::of_loss(double loss) const {

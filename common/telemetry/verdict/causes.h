@@ -60,7 +60,7 @@ class Causes {
   [[nodiscard]] Cause of_extracted_energy() const;
   [[nodiscard]] Cause of_no_contact() const;
   /// The account is below 0.
-  [[nodiscard]] Cause of_debt() const;
+  [[nodiscard]] Cause of_debt(double loss) const;
   /// The machine has fewer processors than the session has sides.
   [[nodiscard]] std::optional<Cause> few_processors() const;
   /// Why a force that physics asks for is not passive, or not true. A disturbance is the cause only

@@ -339,7 +339,7 @@ class Judge {
           "in " + percent(debt) +
               " of the contact the account of the energy was in debt, and the force was held to "
               "what friction bears",
-          causes_.of_debt(), debt);
+          causes_.of_debt(debt), debt);
     }
     // also after contact, where a controller asks for force there
     const double clamped = std::min(1.0, ratio(mofc.clamped_ticks, mofc.contact_ticks));

@@ -220,7 +220,7 @@ inline std::vector<VerdictCase> verdict_cases() {
        },
        {},
        false},
-      {"an account in debt", "energy_debt", "begins a new account", "bad",
+      {"an account in debt", "energy_debt", "pays it back by its motion", "bad",
        [](TroubledRun& run) { run.mofc.clamped_ticks = run.mofc.debt_ticks = 4'000; }},
       {"a dead-man button that was not held", "dead_man_button", "hold", "bad",
        [](TroubledRun& run) {
