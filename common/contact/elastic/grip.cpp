@@ -73,8 +73,7 @@ GripSlip slip_of(Grip& grip, const Vector3& slip_m, const Vector3& force_on_tool
     return slip_in_jaws(force_on_tool_newton, stiffness_newton_per_m, grip.slip_newton);
   }
   const double depth_m = slip_m.dot(needle.inward_world);
-  const GripSlip slip =
-      slip_of_needle(force_on_tool_newton, stiffness_newton_per_m, needle, depth_m);
+  GripSlip slip = slip_of_needle(force_on_tool_newton, stiffness_newton_per_m, needle, depth_m);
   needle.deepest_m = std::max(needle.deepest_m, depth_m + slip.slip_m.dot(needle.inward_world));
   return slip;
 }

@@ -54,7 +54,7 @@ Recording resected(const std::vector<std::string>& overrides, Duration length,
 
 /// In which the jaws close at 2.5 s, when the tool has begun to rise.
 Recording peeled(const std::vector<std::string>& overrides, bool has_ideal = false) {
-  return recorded("tools/gallbladder", overrides, 8s, has_ideal);
+  return recorded("tools/gallbladder", overrides, test::kIsSanitized ? 4s : 8s, has_ideal);
 }
 
 /// Of the force on the hand, relative to that of the ideal.

@@ -95,8 +95,8 @@ TEST(Tearing, ForcesAreTheDerivativeOfTheEnergyAndWithTheBodyItIsStable) {
         EXPECT_NEAR((above - below) / (2 * kStep), gradient[k], 3e-6) << seed;
       }
       const auto row = static_cast<std::size_t>(beam.body.pattern().row_of[one.attachment.node]);
-      const Eigen::Map<const Eigen::Matrix3d> more(values.data() +
-                                                   9 * beam.body.pattern().starts[row]);
+      const Eigen::Map<const Eigen::Matrix3d> more(
+          values.data() + std::size_t{9} * beam.body.pattern().starts[row]);
       const Eigen::Matrix3d both =
           more + one.attachment.stiffness_newton_per_m * Eigen::Matrix3d::Identity();
       EXPECT_GE(both.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), -1e-9);
