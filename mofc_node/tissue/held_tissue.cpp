@@ -10,8 +10,6 @@ namespace {
 // Of the passage from one law to the next: half a period of the full solutions, so that their
 // steps are not felt.
 constexpr double kPassage_s = 0.01;
-// A step of no length counts as one of this length.
-constexpr double kLeastStep_s = 1e-4;
 
 }  // namespace
 

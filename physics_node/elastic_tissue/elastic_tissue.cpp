@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/contact/elastic/grip.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 
 namespace palpate::physics {
@@ -37,8 +38,6 @@ constexpr int kHastySolves = 4;
 // and most of the way between them was along the normal.
 constexpr double kOtherForce = 0.05;
 constexpr double kAlongNormal = 0.7;
-// A step of the tool of no length counts as one of this length.
-constexpr double kLeastStep_s = 1e-4;
 // A solution is used from the next one on until the one after.
 constexpr double kPeriodsAhead = 2.0;
 // mofc_node may press on a point for so long after that was pressed here.

@@ -6,14 +6,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/contact/elastic/grip.h"
 #include "physics_node/elastic_tissue/elastic_tissue.h"
 
 namespace palpate::physics {
-namespace {
-
-constexpr double kLeastNeedleStep_s = 1e-4;
-
-}  // namespace
 
 void ElasticTissue::continue_as(const ElasticTissue& other) {
   if (ablation_) {
@@ -67,13 +63,13 @@ std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexc
   if (!own.is_jaw_led) {
     // a needle slips all the time: what it slips, the tissue does not move
     const double viscous_ratio =
-        is_needle ? model->relaxation_s / std::max(kLeastNeedleStep_s, own.step_s) : 0.0;
+        is_needle ? model->relaxation_s / std::max(kLeastStep_s, own.step_s) : 0.0;
     const Vector3 before_m = own.jaw.slip_m();
     static_cast<void>(
         own.jaw.act(*model, *gripper_, own.tip_m, v_m_per_s, viscous_ratio, by_others_newton));
     own.jaw_command.store(own.jaw.command());
     if (is_needle) {
-      v_m_per_s -= (own.jaw.slip_m() - before_m) / std::max(kLeastNeedleStep_s, own.step_s);
+      v_m_per_s -= (own.jaw.slip_m() - before_m) / std::max(kLeastStep_s, own.step_s);
     }
   } else if (is_needle) {
     v_m_per_s -= v_m_per_s.dot(own.jaw.needle().inward_world) * own.jaw.needle().inward_world;

@@ -72,7 +72,7 @@ class ElasticTissues {
             const JawInput& jaw = {}, bool is_energised = false) noexcept;
   [[nodiscard]] const std::optional<GripperConfig>& gripper() const noexcept { return gripper_; }
   /// An elastic tissue of the scene is again as in the session, from its next full solution on.
-  /// @pre  an electrode
+  /// @pre  an electrode, or it can tear
   void restore(std::uint32_t tissue) noexcept;
   [[nodiscard]] const std::optional<ElectrodeConfig>& electrode() const noexcept {
     return electrode_;

@@ -10,6 +10,9 @@
 
 namespace palpate {
 
+/// A step of the tool of no length counts as one of this length, where a way becomes a velocity.
+inline constexpr double kLeastStep_s = 1e-4;
+
 struct GripSlip {
   Vector3 force_on_tool_newton = Vector3::Zero();  ///< afterwards
   Vector3 slip_m = Vector3::Zero();                ///< of the tool past the tissue

@@ -15,14 +15,6 @@
 namespace palpate {
 namespace {
 
-struct Event {
-  Grade grade;
-  const char* what;
-  std::string text;
-  std::string remedy = {};
-  double share = 1.0;
-};
-
 /// Of the tissue; the pushes of the check of its motors are none.
 bool gave_no_force(const DeviceCounters& device) {
   switch (device.phase) {
@@ -82,10 +74,7 @@ bool has_fault(const RunFacts& facts) {
 
 std::vector<RunFinding> device_findings(const RunFacts& facts) {
   std::vector<RunFinding> findings;
-  const auto add = [&](Event&& event) {
-    findings.push_back({event.grade, event.what, event.what, std::move(event.text),
-                        std::move(event.remedy), event.share});
-  };
+  const auto add = [&](OwnFinding&& one) { findings.push_back(std::move(one).finding()); };
   const DeviceCounters& device = facts.device;
   const std::uint64_t ticks = device.loop.ticks + device.loop.skipped_ticks;
   if (has_fault(facts)) {

@@ -53,18 +53,7 @@ class Judge {
   }
 
  private:
-  struct Event {
-    Grade grade;
-    const char* what;
-    std::string text;
-    std::string remedy = {};
-    double share = 1.0;
-  };
-  /// Explains itself.
-  void add(Event&& event) {
-    findings_.push_back({event.grade, event.what, event.what, std::move(event.text),
-                         std::move(event.remedy), event.share});
-  }
+  void add(OwnFinding&& one) { findings_.push_back(std::move(one).finding()); }
   void good(const char* what, std::string text) {
     findings_.push_back({Grade::kGood, what, "", std::move(text), ""});
   }
