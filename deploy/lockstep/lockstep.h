@@ -16,6 +16,7 @@
 #include "deploy/lockstep/lockstep_links.h"
 #include "device_node/device.h"
 #include "device_node/journal.h"
+#include "mofc_node/controllers/force_controller.h"
 #include "physics_node/engine.h"
 
 namespace palpate {
@@ -38,6 +39,11 @@ struct LockstepOptions {
   std::function<std::unique_ptr<device::HapticDevice>(const Side&, const Clock&,
                                                       std::uint64_t seed)>
       make_device{};
+  /// The controller of a side, which may look at its device as no real one can. Empty: the one that
+  /// the session selects.
+  std::function<std::unique_ptr<controllers::ForceController>(const Side&,
+                                                              const device::HapticDevice&)>
+      make_controller{};
   /// Changes each Interaction as it leaves physics_node, after the session's adversary. Empty:
   /// none.
   std::function<void(Interaction&)> tamper_with_interaction{};
