@@ -16,10 +16,13 @@
 #include "deploy/lockstep/lockstep_links.h"
 #include "device_node/device.h"
 #include "device_node/journal.h"
-#include "mofc_node/controllers/force_controller.h"
 #include "physics_node/engine.h"
 
 namespace palpate {
+
+namespace controllers {
+class ForceController;
+}
 
 /// Session ids of the nodes, fixed so that runs are bit-identical; processes draw random ones.
 inline constexpr std::uint64_t kLockstepDevice = 1;

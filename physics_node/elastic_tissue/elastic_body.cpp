@@ -383,6 +383,8 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                              ((1.0 + material.poisson_ratio) * (2.0 - material.poisson_ratio));
   made->solve_rate_hz = material.solve_rate_hz;
   made->viscosity_s = material.viscosity_s;
+  made->prompt_ratio =
+      1.0 / (1.0 + elastic::stiffening_of(description.branches, 1.0 / material.solve_rate_hz));
   if (unloaded) made->scan_error_m = unloaded->away_m;
   complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), nullptr,
            name, *made);
@@ -409,6 +411,7 @@ std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
   made->shear_newton_per_m = like.shear_newton_per_m;
   made->solve_rate_hz = like.solve_rate_hz;
   made->viscosity_s = like.viscosity_s;
+  made->prompt_ratio = like.prompt_ratio;
   complete(std::move(description), start_m, alike, "", *made);
   return made;
 }
