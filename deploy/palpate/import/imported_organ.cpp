@@ -37,16 +37,28 @@ std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
   std::vector<std::string> known;
   for (const scan::Segment& segment : map.segments) known.push_back(segment.name);
   for (const std::string& name : names) {
-    const auto at = std::find_if(
-        map.segments.begin(), map.segments.end(),
-        [&](const scan::Segment& s) { return s.name == name || std::to_string(s.value) == name; });
+    const auto is_meant = [&](const scan::Segment& s) {
+      return s.name == name || std::to_string(s.value) == name;
+    };
+    const auto at = std::find_if(map.segments.begin(), map.segments.end(), is_meant);
     if (at == map.segments.end()) {
       const std::string meant = nearest(name, known);
       throw SetupError(
           std::string(option) + " " + name + ": the label map has no such label; " +
           (meant.empty() ? "without -o its labels are listed" : "did you mean \"" + meant + "\"?"));
     }
-    found.push_back(static_cast<std::uint32_t>(at - map.segments.begin()));
+    // a name counts before a value, which segments of several layers may share
+    const auto of_name = std::find_if(at, map.segments.end(),
+                                      [&](const scan::Segment& s) { return s.name == name; });
+    const auto other = of_name != map.segments.end()
+                           ? map.segments.end()
+                           : std::find_if(at + 1, map.segments.end(), is_meant);
+    if (other != map.segments.end()) {
+      throw SetupError(std::string(option) + " " + name + ": \"" + at->name + "\" and \"" +
+                       other->name + "\" have this value; give a name");
+    }
+    found.push_back(static_cast<std::uint32_t>((of_name != map.segments.end() ? of_name : at) -
+                                               map.segments.begin()));
   }
   std::sort(found.begin(), found.end());
   found.erase(std::unique(found.begin(), found.end()), found.end());
@@ -106,7 +118,8 @@ class Import {
       if (!is_too_soft || gravity_.isZero(0.0)) throw;
       gravity_.setZero();
       result.files[kImportedSession] = session();
-      body = checked(result.files) + "\n  WARNING: without gravity: " + physics::kNoUnloadedShape;
+      body = checked(result.files) + "\n  WARNING: without gravity: " + physics::kNoUnloadedShape +
+             "; another --tetrahedra may have one";
     }
     result.files[kImportedSession] = session();  // with the solve rate
     result.report = report() + "\nAs the session uses it\n  " + body + "\n";
