@@ -173,6 +173,10 @@ TEST(Ranges, NoShapeOrToolOfASessionIsRefused) {
     if (name == "box") collect(*v1::Scene::Box::descriptor(), path, paths);
     if (name == "capsule") collect(*v1::Scene::Capsule::descriptor(), path, paths);
     collect(*v1::Scene::Tool::descriptor(), "scene.tool", paths);
+    // what acts on elastic tissue alone, of which there is none here
+    std::erase_if(paths, [](const std::string& number) {
+      return number.starts_with("scene.tool.needle") || number.starts_with("scene.tool.electrode");
+    });
     expect_understood_at_extremes(rich(name, "kelvin_voigt"), paths);
   }
 }

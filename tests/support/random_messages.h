@@ -944,7 +944,7 @@ inline bool same(const RunRequest& a, const RunRequest& b) {
 inline bool same(const TissueChange& a, const TissueChange& b) {
   return same(a.header, b.header) && a.tissue == b.tissue &&
          same(a.stiffness_newton_per_m, b.stiffness_newton_per_m) &&
-         same(a.damping_newton_s_per_m, b.damping_newton_s_per_m);
+         same(a.damping_newton_s_per_m, b.damping_newton_s_per_m) && a.restores == b.restores;
 }
 inline bool same(const Acknowledgement& a, const Acknowledgement& b) {
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&

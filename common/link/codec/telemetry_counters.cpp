@@ -239,6 +239,7 @@ void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
   verdict.finite(c.elastic_residual_ratio());
   verdict.finite(c.elastic_error_newton());
   verdict.finite(c.elastic_bound_newton());
+  verdict.finite(c.elastic_torn_joule());
 }
 PhysicsCounters counters(const v1::PhysicsCounters& c) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();

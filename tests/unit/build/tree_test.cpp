@@ -56,6 +56,7 @@ bool ends_with_unit(const std::string& name) {
                            "_newton_s_per_m",
                            "_newton_per_s",
                            "_joule",
+                           "_joule_per_m2",
                            "_watt",
                            "_m2_per_s3",
                            "_m2_per_s5",

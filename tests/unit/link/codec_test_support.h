@@ -201,7 +201,10 @@ inline RunRequest full_message() {
 template <>
 inline TissueChange full_message() {
   Random random(7);
-  return random_message<TissueChange>(random);
+  TissueChange m;
+  do m = random_message<TissueChange>(random);
+  while (m.restores);
+  return m;
 }
 template <>
 inline Acknowledgement full_message() {

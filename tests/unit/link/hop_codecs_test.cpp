@@ -581,5 +581,16 @@ TEST(TissueChangeCodec, RefusesConstantsThatNoTissueHas) {
   change(1.0, 1.001e4, false);
 }
 
+TEST(TissueChangeCodec, RestoresABodyOrSetsConstants) {
+  expect_range<TissueChange>([](auto& c) { c.set_restores(true); }, false);
+  expect_range<TissueChange>(
+      [](auto& c) {
+        c.set_restores(true);
+        c.set_stiffness_newton_per_m(0.0);
+        c.set_damping_newton_s_per_m(0.0);
+      },
+      true);
+}
+
 }  // namespace
 }  // namespace palpate
