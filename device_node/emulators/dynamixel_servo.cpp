@@ -90,6 +90,7 @@ EmulatedServo::EmulatedServo(const ServoSettings& settings)
   set(11, 1, 0);
   set(38, 2, settings.current_limit);
   reboot();
+  cycle(0.0);
 }
 
 unsigned EmulatedServo::u16(unsigned address) const noexcept {
@@ -162,6 +163,7 @@ std::uint8_t EmulatedServo::write_entry(unsigned address,
       if (data.size() != 1) return kLengthError;
       if (first > 1) return kRangeError;
       if (has_alert() && first == 1) return kAccessError;
+      was_unguarded = was_unguarded || (first == 1 && table_[98] == 0);
       if (first != table_[64]) turns_ = 0;  // the position is that within a turn again
       break;
     case 68:  // status return level

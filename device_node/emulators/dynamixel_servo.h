@@ -106,6 +106,7 @@ class EmulatedServo {
   bool is_there = true;       ///< false: unplugged: no answer, no torque
   bool is_stuck = false;      ///< its state is not renewed
   bool has_watchdog = true;
+  bool was_unguarded = false;  ///< it got torque while its watchdog was off
   double gain = 1.0;          ///< of the motor; below 0: a wrong sign
 
  private:

@@ -17,6 +17,8 @@ constexpr double kTurnRad = 2.0 * std::numbers::pi;
 /// Of longest_delay_s: how old a position may be in the servo, and until a goal is a current. Two
 /// cycles of a control loop of 1 kHz; nobody documents it.
 constexpr double kServoDelayS = 0.002;
+/// After which a servo that has got torque says in which turn it is now; shorter than a watchdog.
+constexpr Duration kSettling = 5ms;
 /// A servo's clock counts ms; a status that is older than this is none of now.
 constexpr Duration kStaleAfter = 8ms;
 /// A goal that does not arrive so many times in a row is no accident of the line.
@@ -63,7 +65,7 @@ const char* text_of(LeaderFault fault) {
 }  // namespace
 
 DynamixelArm::DynamixelArm(std::span<const DynamixelJoint> joints,
-                           const DynamixelSettings& settings, const Clock& clock)
+                           const DynamixelSettings& settings, Clock& clock)
     : count_(joints.size()),
       settings_(settings),
       clock_(clock),
@@ -114,10 +116,14 @@ bool DynamixelArm::enable() noexcept {
   is_known_ = false;
   lost_goals_ = 0;
   const TimePoint before = read_at_;
-  switched_at_ = read_at_ = clock_.now();
-  Transfer transfer = read_blocks();
-  if (transfer == Transfer::kTimeout || transfer == Transfer::kCorrupt) transfer = read_blocks();
-  if (transfer != Transfer::kDone) return fail_transfer(transfer);
+  for (int times = 0; times < 2; ++times) {
+    switched_at_ = read_at_ = clock_.now();
+    Transfer transfer = read_blocks();
+    if (transfer == Transfer::kTimeout || transfer == Transfer::kCorrupt) transfer = read_blocks();
+    if (transfer != Transfer::kDone) return fail_transfer(transfer);
+    // the first answer says that they have heard it
+    if (times == 0) clock_.sleep_until(clock_.now() + kSettling);
+  }
   // servos that get torque may forget in which turn they were
   LeaderReading passed;
   return take_blocks(Turns::kFind, seconds_between(before, clock_.now()), passed);

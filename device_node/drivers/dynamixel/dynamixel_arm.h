@@ -19,7 +19,7 @@ class DynamixelArm {
  public:
   /// @throws SetupError
   DynamixelArm(std::span<const DynamixelJoint> joints, const DynamixelSettings& settings,
-               const Clock& clock);
+               Clock& clock);
   ~DynamixelArm() { release(); }
   DynamixelArm(const DynamixelArm&) = delete;
   DynamixelArm& operator=(const DynamixelArm&) = delete;
@@ -84,7 +84,7 @@ class DynamixelArm {
   std::array<DynamixelAnswer, kMostLeaderJoints> answers_{};
   std::size_t count_ = 0;
   DynamixelSettings settings_;
-  const Clock& clock_;
+  Clock& clock_;
   DynamixelBus bus_;
   bool is_fast_ = false;
   bool is_set_up_ = false;

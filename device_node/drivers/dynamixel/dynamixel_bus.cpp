@@ -35,7 +35,8 @@ Transfer DynamixelLine::receive(std::span<std::byte>& packet, Duration within) n
     const std::size_t bytes = dynamixel_packet_bytes(header);
     if (bytes > 0) {
       packet = std::span(buffer_).first(bytes);
-      return port_.read(packet.subspan(kDynamixelHeaderBytes), left_until(deadline));
+      transfer = port_.read(packet.subspan(kDynamixelHeaderBytes), left_until(deadline));
+      return transfer == Transfer::kTimeout ? Transfer::kCorrupt : transfer;
     }
     if (noise == kMostNoiseBytes) return Transfer::kCorrupt;
     std::copy(header.begin() + 1, header.end(), header.begin());

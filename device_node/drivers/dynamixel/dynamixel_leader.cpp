@@ -2,6 +2,7 @@
 #include "device_node/drivers/dynamixel/dynamixel_leader.h"
 
 #include <chrono>
+#include <thread>
 
 #include "device_node/drivers/dynamixel/dynamixel_arm.h"
 
@@ -15,15 +16,20 @@ class LeaderClock final : public Clock {
     return TimePoint(std::chrono::duration_cast<Duration>(
         std::chrono::steady_clock::now().time_since_epoch()));
   }
-  void sleep_until(TimePoint /*deadline*/) override {}
+  void sleep_until(TimePoint deadline) override { std::this_thread::sleep_for(deadline - now()); }
 };
-const LeaderClock kLeaderClock;
+
+/// Has no state.
+Clock& leader_clock() {
+  static LeaderClock clock;
+  return clock;
+}
 
 }  // namespace
 
 DynamixelLeader::DynamixelLeader(std::span<const DynamixelJoint> joints,
                                  const DynamixelSettings& settings)
-    : arm_(std::make_unique<DynamixelArm>(joints, settings, kLeaderClock)) {}
+    : arm_(std::make_unique<DynamixelArm>(joints, settings, leader_clock())) {}
 DynamixelLeader::~DynamixelLeader() = default;
 
 bool DynamixelLeader::enable() noexcept { return arm_->enable(); }
