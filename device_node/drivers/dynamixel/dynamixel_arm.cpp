@@ -14,9 +14,9 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kTurnRad = 2.0 * std::numbers::pi;
-/// Of longest_delay_s: how old a position may be in the servo, and until a goal is a current. Two
-/// cycles of a control loop of 1 kHz; nobody documents it.
-constexpr double kServoDelayS = 0.002;
+/// Of longest_delay_s: how old a position may be in the servo, until a goal is a current, and a frame
+/// of USB. Two cycles of a control loop of 1 kHz and 1 ms; nobody documents it.
+constexpr double kServoDelayS = 0.003;
 /// After which a servo that has got torque says in which turn it is now; shorter than a watchdog.
 constexpr Duration kSettling = 5ms;
 /// A servo's clock counts ms; a status that is older than this is none of now.

@@ -47,9 +47,9 @@ struct DynamixelSettings {
   /// 1 … 127: each servo ends its torque by itself so many times 20 ms after the last instruction.
   int watchdog_units = 1;
   double answer_limit_s = 0.010;  ///< > 0: for each answer, beside the time of its bytes
-  /// > 0: from an angle's sampling in the servo to the current that answers it. A write that comes
-  /// later is told by LeaderReading::is_known.
-  double longest_delay_s = 0.005;
+  /// > 0.003: from an angle's sampling in the servo to the current that answers it, of which 3 ms
+  /// are left to the servo and USB. A write that comes later is told by LeaderReading::is_known.
+  double longest_delay_s = 0.006;
   double longest_cycle_s = 0.020;  ///< > 0: from one write to the next; a longer one is limp
   /// Accepts that the operating mode and the return delay in the servos' EEPROM are changed.
   bool may_write_eeprom = false;

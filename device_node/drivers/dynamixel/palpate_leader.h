@@ -52,7 +52,7 @@ typedef struct palpate_leader_settings {
   unsigned bits_per_second; /**< of the bus */
   int watchdog_units;       /**< 1 ... 127: each servo ends its torque after so many times 20 ms */
   double answer_limit_s;    /**< > 0: for an answer, beside the time of its bytes */
-  double longest_delay_s;   /**< > 0: from the sampling of an angle to the current that answers */
+  double longest_delay_s;   /**< > 0.003: from an angle's sampling to the current that answers */
   double longest_cycle_s;   /**< > 0: from one write to the next; a longer one is limp */
   int may_write_eeprom;     /**< not 0: mode and return delay in the servos may be changed */
 } palpate_leader_settings;

@@ -175,7 +175,7 @@ TEST(DynamixelArm, OldFirmwareIsReadOneByOne) {
 
 TEST(DynamixelArm, WhatWasWrittenIsKnownUnlessItCameLateOrNotAtAll) {
   LeaderBench bench;
-  bench.settings.longest_delay_s = 0.005;  // 2 ms of it are the servo's
+  bench.settings.longest_delay_s = 0.005;  // 3 ms of it are the servo's and USB's
   DynamixelArm& arm = bench.enabled();
   const LeaderValues torque{0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.05};
   ASSERT_TRUE(bench.cycle(0.05));

@@ -107,7 +107,7 @@ struct ArmRun {
 /// Ten thousand cycles of 2 ms, or of up to 9 ms where one comes late.
 ArmRun run_arm(bool is_clamped, std::uint64_t seed, int cycles) {
   LeaderBench bench(seven_servos(), restless_hand());
-  bench.settings.longest_delay_s = 0.004;
+  bench.settings.longest_delay_s = 0.005;
   bench.settings.longest_cycle_s = 0.012;
   for (DynamixelJoint& joint : bench.joints) joint.torque_newton_m_per_ampere = 0.354;
   DynamixelArm& arm = bench.enabled();
