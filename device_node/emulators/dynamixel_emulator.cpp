@@ -209,9 +209,9 @@ DynamixelEmulator::Bytes DynamixelEmulator::fast_sync_read(const DynamixelMessag
   const std::size_t each = std::min<std::size_t>(dynamixel_u16(p, 2), 64);
   const std::size_t length = 1 + ids.size() * (4 + each);
   Bytes answer;
-  for (const unsigned value : {0xFFU, 0xFFU, 0xFDU, 0x00U, 0xFEU,
-                               static_cast<unsigned>(length & 0xFFU),
-                               static_cast<unsigned>(length >> 8U), 0x55U}) {
+  for (const unsigned value :
+       {0xFFU, 0xFFU, 0xFDU, 0x00U, 0xFEU, static_cast<unsigned>(length & 0xFFU),
+        static_cast<unsigned>(length >> 8U), 0x55U}) {
     answer.push_back(static_cast<std::byte>(value));
   }
   bool has_any = false;
@@ -307,8 +307,7 @@ void DynamixelEmulator::advance_to(double now_s) {
     for (std::size_t i = 0; i < servos_.size(); ++i) {
       EmulatedServo& servo = servos_[i];
       const double speed = servo.joint().link_rad_per_s();
-      const double hand =
-          bus_.hand ? bus_.hand(i, servo.joint().link_rad(), speed, time_s_) : 0.0;
+      const double hand = bus_.hand ? bus_.hand(i, servo.joint().link_rad(), speed, time_s_) : 0.0;
       servo.advance(time_s_, kStepS, hand);
       energy_joule += servo.joint().energy_joule();
       fastest_rad_per_s_ = std::max(fastest_rad_per_s_, std::abs(speed));

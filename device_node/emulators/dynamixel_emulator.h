@@ -24,8 +24,8 @@ namespace palpate::device {
 
 /// The torque of a hand at one joint.
 /// @param time_s  since the emulator's start
-using JointHand = std::function<double(std::size_t joint, double rad, double rad_per_s,
-                                       double time_s)>;
+using JointHand =
+    std::function<double(std::size_t joint, double rad, double rad_per_s, double time_s)>;
 /// A hand that leads every joint to and fro by 0.5 rad, with a grip that is loose enough to be
 /// driven.
 [[nodiscard]] JointHand leading_hand();

@@ -138,8 +138,8 @@ std::uint8_t EmulatedServo::write(unsigned address, std::span<const std::byte> d
   if (address < 64 && table_[64] != 0) return kAccessError;  // the EEPROM is locked
   if (address >= kIndirectAddresses && address < kIndirectAddresses + 2 * kIndirectCount) {
     for (std::size_t i = 0; i + 1 < data.size(); i += 2) {
-      const unsigned target = std::to_integer<unsigned>(data[i]) |
-                              std::to_integer<unsigned>(data[i + 1]) << 8U;
+      const unsigned target =
+          std::to_integer<unsigned>(data[i]) | std::to_integer<unsigned>(data[i + 1]) << 8U;
       if (target < 64 || target > 227) return kRangeError;
     }
     for (std::size_t i = 0; i < data.size(); ++i) {
@@ -206,8 +206,7 @@ void EmulatedServo::cycle(double now_s) noexcept {
   const auto goal = static_cast<std::int16_t>(u16(102));
   const bool has_torque = is_there && table_[64] != 0 && table_[11] == 0;
   const double units_made = has_torque ? goal : 0.0;
-  torque_newton_m_ =
-      gain * units_made * settings_.ampere_per_unit * settings_.newton_m_per_ampere;
+  torque_newton_m_ = gain * units_made * settings_.ampere_per_unit * settings_.newton_m_per_ampere;
   if (is_stuck) return;
   const double turns = (plant_.link_rad() + settings_.zero_rad) / kTurnRad + turns_;
   set(120, 2, static_cast<std::uint32_t>(std::floor(1000.0 * now_s + 0.5)) & 0x7FFFU);

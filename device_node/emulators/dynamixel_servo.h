@@ -69,8 +69,8 @@ struct ServoSettings {
   double newton_m_per_ampere = 0.354;  ///< of its motor and gears, truly
   unsigned current_limit = 1750;
   unsigned indirect_data = 208;
-  double zero_rad = 3.14;      ///< of the horn, where the joint is at 0
-  double tick_phase_s = 0.0;   ///< of its control cycle of 1 ms
+  double zero_rad = 3.14;     ///< of the horn, where the joint is at 0
+  double tick_phase_s = 0.0;  ///< of its control cycle of 1 ms
   GearedJoint joint{};
 };
 
@@ -103,11 +103,11 @@ class EmulatedServo {
   /// That acts now, at the horn.
   [[nodiscard]] double torque_newton_m() const noexcept { return torque_newton_m_; }
 
-  bool is_there = true;       ///< false: unplugged: no answer, no torque
-  bool is_stuck = false;      ///< its state is not renewed
+  bool is_there = true;   ///< false: unplugged: no answer, no torque
+  bool is_stuck = false;  ///< its state is not renewed
   bool has_watchdog = true;
   bool was_unguarded = false;  ///< it got torque while its watchdog was off
-  double gain = 1.0;          ///< of the motor; below 0: a wrong sign
+  double gain = 1.0;           ///< of the motor; below 0: a wrong sign
 
  private:
   void cycle(double now_s) noexcept;

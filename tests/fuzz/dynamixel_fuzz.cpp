@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Arbitrary bytes as packets of Dynamixel's Protocol 2.0: one that is accepted says what it would be
-// sent as; one answer of several servos is accepted whole or not at all; an emulated servo takes any
-// address and any data.
+// Arbitrary bytes as packets of Dynamixel's Protocol 2.0: one that is accepted says what it would
+// be sent as; one answer of several servos is accepted whole or not at all; an emulated servo takes
+// any address and any data.
 //
 // The input is one byte, how many servos were asked, and then the packet.
 #include <algorithm>

@@ -41,9 +41,9 @@ class TerminalLink {
     const bool is_old =
         fs::is_symlink(status) && fs::read_symlink(name_).string().starts_with("/dev/pts/");
     if (fs::exists(status) && !is_old) {
-      throw SetupError(
-          setting + ": \"" + name +
-          "\" exists, and no emulator made it; give the emulator a new name with " + remedy);
+      throw SetupError(setting + ": \"" + name +
+                       "\" exists, and no emulator made it; give the emulator a new name with " +
+                       remedy);
     }
     std::error_code error;
     fs::remove(name_, error);
@@ -163,8 +163,9 @@ struct EmulateCommand {
   /// Servos on a bus, and a hand that leads the arm to and fro. No session has such a device.
   int emulate_leader() const {
     if (!session.file.empty() || !session.overrides.empty() || !side.empty()) {
-      throw SetupError("--leader: the arm is not a session's device; leave SESSION, --set and "
-                       "--side out");
+      throw SetupError(
+          "--leader: the arm is not a session's device; leave SESSION, --set and "
+          "--side out");
     }
     device::BusEmulation bus{.servos = device::seven_servos(),
                              .hand = is_let_go ? device::JointHand() : device::leading_hand(),
@@ -176,12 +177,14 @@ struct EmulateCommand {
     const SteadyClock clock;
     device::DynamixelEmulator emulator(std::move(bus), clock, 1);
     const TerminalLink link(emulator.port(), leader, "--leader", "--leader /tmp/NAME");
-    serve_until_stopped(emulator, RealtimeConfig{.priority = has_no_realtime ? 0 : 60,
-                                                 .cpu = -1,
-                                                 .wait = WaitStrategy::kBlock},
-                        leader);
+    serve_until_stopped(
+        emulator,
+        RealtimeConfig{
+            .priority = has_no_realtime ? 0 : 60, .cpu = -1, .wait = WaitStrategy::kBlock},
+        leader);
     const double after_s = emulator.now_s() - emulator.torque_until_s();
-    say(fmt::format("emulated leader: {} messages, least true energy {}, no torque for the last "
+    say(
+        fmt::format("emulated leader: {} messages, least true energy {}, no torque for the last "
                     "{:.3f} s",
                     emulator.messages(), energy_text(emulator.least_energy_joule()), after_s));
     return 0;

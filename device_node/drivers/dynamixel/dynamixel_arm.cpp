@@ -14,9 +14,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kTurnRad = 2.0 * std::numbers::pi;
-/// Of longest_delay_s: how old a position may be in the servo, until a goal is a current, and a frame
-/// of USB. Two cycles of a control loop of 1 kHz and 1 ms; nobody documents it.
-constexpr double kServoDelayS = 0.003;
 /// After which a servo that has got torque says in which turn it is now; shorter than a watchdog.
 constexpr Duration kSettling = 5ms;
 /// A servo's clock counts ms; a status that is older than this is none of now.
@@ -66,10 +63,7 @@ const char* text_of(LeaderFault fault) {
 
 DynamixelArm::DynamixelArm(std::span<const DynamixelJoint> joints,
                            const DynamixelSettings& settings, Clock& clock)
-    : count_(joints.size()),
-      settings_(settings),
-      clock_(clock),
-      bus_([&]() -> DynamixelBus {
+    : count_(joints.size()), settings_(settings), clock_(clock), bus_([&]() -> DynamixelBus {
         if (count_ == 0 || count_ > kMostLeaderJoints) {
           throw SetupError("leader: it has 1 … 8 joints, not " + std::to_string(count_));
         }
@@ -347,7 +341,7 @@ bool DynamixelArm::write(const LeaderValues& torque_newton_m,
   }
   const double line_s =
       10.0 * static_cast<double>(14 + 3 * count_) / static_cast<double>(settings_.bits_per_second);
-  is_known_ = seconds_between(read_at_, clock_.now()) + line_s + kServoDelayS <=
+  is_known_ = seconds_between(read_at_, clock_.now()) + line_s + kLeaderServoDelayS <=
               settings_.longest_delay_s;
   switched_at_ = begin;
   return true;

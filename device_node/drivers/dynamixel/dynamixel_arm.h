@@ -14,6 +14,10 @@
 
 namespace palpate::device {
 
+/// Of longest_delay_s: how old a position may be in the servo, until a goal is a current, and a
+/// frame of USB. Two cycles of a control loop of 1 kHz and 1 ms; nobody documents it.
+inline constexpr double kLeaderServoDelayS = 0.003;
+
 /// The interface is that of DynamixelLeader.
 class DynamixelArm {
  public:
@@ -46,11 +50,11 @@ class DynamixelArm {
     const DynamixelModel* model = nullptr;
     unsigned firmware = 0;
     unsigned return_delay = 0;
-    int current_limit = 0;              // in units of the model
-    double newton_m_per_unit = 0.0;     // at the joint, without the sign
-    double rad_per_step = 0.0;          // of the joint
-    double turns_rad = 0.0;             // of the joint: what the whole turns that it is in make
-    std::int16_t written = 0;           // the last goal current
+    int current_limit = 0;           // in units of the model
+    double newton_m_per_unit = 0.0;  // at the joint, without the sign
+    double rad_per_step = 0.0;       // of the joint
+    double turns_rad = 0.0;          // of the joint: what the whole turns that it is in make
+    std::int16_t written = 0;        // the last goal current
     std::uint16_t tick_ms = 0;
     TimePoint tick_changed_at{};
     double position_rad = 0.0;
@@ -61,6 +65,7 @@ class DynamixelArm {
   void set_up();
   void identify(std::size_t joint);
   void check_settings(std::size_t joint);
+  void check_line() const;
   void prepare(std::size_t joint);
   void ask_register(std::size_t joint, unsigned address, std::span<std::byte> data);
   void set_register(std::size_t joint, unsigned address, std::span<const std::byte> data);

@@ -48,10 +48,7 @@ Transfer DynamixelLine::receive(std::span<std::byte>& packet, Duration within) n
 }
 
 DynamixelBus::DynamixelBus(const std::string& path, unsigned bits_per_second, Duration answer_limit)
-    : port_(path),
-      line_(port_),
-      bits_per_second_(bits_per_second),
-      answer_limit_(answer_limit) {
+    : port_(path), line_(port_), bits_per_second_(bits_per_second), answer_limit_(answer_limit) {
   port_.set_speed(bits_per_second);
 }
 
@@ -173,8 +170,8 @@ Transfer DynamixelBus::sync_read(bool is_fast, unsigned address, std::size_t byt
     std::span<std::byte> packet;
     transfer = line_.receive(packet, left_until(deadline));
     if (transfer != Transfer::kDone) return transfer;
-    const bool is_echo = packet[kDynamixelHeaderBytes] !=
-                         static_cast<std::byte>(DynamixelInstruction::kStatus);
+    const bool is_echo =
+        packet[kDynamixelHeaderBytes] != static_cast<std::byte>(DynamixelInstruction::kStatus);
     if (is_echo) continue;
     const auto asked = std::span(parts).first(ids.size());
     if (read_fast_status(packet, bytes_each, asked) != PacketFault::kNone) {

@@ -13,8 +13,8 @@ namespace {
 class LeaderClock final : public Clock {
  public:
   [[nodiscard]] TimePoint now() const noexcept override {
-    return TimePoint(std::chrono::duration_cast<Duration>(
-        std::chrono::steady_clock::now().time_since_epoch()));
+    return TimePoint(
+        std::chrono::duration_cast<Duration>(std::chrono::steady_clock::now().time_since_epoch()));
   }
   void sleep_until(TimePoint deadline) override { std::this_thread::sleep_for(deadline - now()); }
 };

@@ -35,9 +35,9 @@ struct DynamixelJoint {
   /// The joint's own range, less than a turn of the horn: which turn an angle belongs to follows
   /// from it. An angle beyond it is a fault.
   double lowest_rad = -1.5;
-  double highest_rad = 1.5;           ///< > lowest_rad
-  double fastest_rad_per_s = 6.0;     ///< > 0: the hand is never faster (v_max of the clamp)
-  double play_rad = 0.0;              ///< ≥ 0: between the motor and the encoder, end to end
+  double highest_rad = 1.5;        ///< > lowest_rad
+  double fastest_rad_per_s = 6.0;  ///< > 0: the hand is never faster (v_max of the clamp)
+  double play_rad = 0.0;           ///< ≥ 0: between the motor and the encoder, end to end
 };
 
 /// The line, and what the loop may take.
@@ -75,7 +75,7 @@ enum class LeaderFault : std::uint8_t {
 
 /// One reading of all joints.
 struct LeaderReading {
-  LeaderValues position_rad{};
+  LeaderValues position_rad{};        ///< angles of the joints, without jumps
   LeaderValues velocity_rad_per_s{};  ///< as the servos say; the clamp does not need it
   LeaderValues current_ampere{};      ///< present, as the servos say
   /// ≥ the time since the switch to the last torques, up to the switch that this reading is for:
@@ -95,7 +95,7 @@ class DynamixelArm;
 class DynamixelLeader {
  public:
   /// Switches every torque off, then checks each servo's model, firmware and settings.
-  /// @param joints  1 … kMostLeaderJoints
+  /// @param joints  1 … kMostLeaderJoints   @param settings  the line
   /// @throws std::runtime_error  what is wrong, of which joint, and the remedy
   DynamixelLeader(std::span<const DynamixelJoint> joints, const DynamixelSettings& settings);
   ~DynamixelLeader();
@@ -111,7 +111,7 @@ class DynamixelLeader {
   [[nodiscard]] bool read(LeaderReading& reading) noexcept;
   /// Sends the currents that make these torques, rounded towards 0 and cut off at the limits. A
   /// torque that is not finite is 0. Nothing acts unless enable() was called.
-  /// @param made_newton_m  receives what they make
+  /// @param torque_newton_m  on the hand   @param made_newton_m  receives what they make
   /// @return false: limp, fault() says why
   [[nodiscard]] bool write(const LeaderValues& torque_newton_m,
                            LeaderValues& made_newton_m) noexcept;
@@ -120,6 +120,7 @@ class DynamixelLeader {
 
   /// Whether the motors have torque.
   [[nodiscard]] bool is_enabled() const noexcept;
+  /// What made it limp; the first one.
   [[nodiscard]] LeaderFault fault() const noexcept;
   /// Which joint it was; count(): the line or all of them.
   [[nodiscard]] std::size_t fault_joint() const noexcept;

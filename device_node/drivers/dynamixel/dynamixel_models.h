@@ -11,28 +11,24 @@ namespace palpate::device {
 
 /// Addresses of the control table, the same for all models below.
 namespace dynamixel {
-inline constexpr unsigned kModelNumber = 0;        // 2 bytes
-inline constexpr unsigned kFirmware = 6;           // 1
-inline constexpr unsigned kReturnDelay = 9;        // 1, in 2 µs
-inline constexpr unsigned kDriveMode = 10;         // 1
-inline constexpr unsigned kOperatingMode = 11;     // 1
-inline constexpr unsigned kCurrentLimit = 38;      // 2
-inline constexpr unsigned kFirstOfRam = 64;        // what is below is written without torque only
-inline constexpr unsigned kTorqueEnable = 64;      // 1
-inline constexpr unsigned kStatusReturnLevel = 68; // 1: 2 for an answer to every instruction
-inline constexpr unsigned kHardwareError = 70;     // 1
-inline constexpr unsigned kBusWatchdog = 98;       // 1, in 20 ms; 255 after it has fired
-inline constexpr unsigned kGoalCurrent = 102;      // 2
-inline constexpr unsigned kRealtimeTick = 120;     // 2, in ms, 0 … 32767
-inline constexpr unsigned kPresentCurrent = 126;   // 2
-inline constexpr unsigned kPresentVelocity = 128;  // 4, in 0.229 turns a minute
-inline constexpr unsigned kPresentPosition = 132;  // 4, in 1/4096 of a turn
-inline constexpr unsigned kIndirectAddress = 168;  // 2 each
+inline constexpr unsigned kReturnDelay = 9;         // 1, in 2 µs
+inline constexpr unsigned kDriveMode = 10;          // 1
+inline constexpr unsigned kOperatingMode = 11;      // 1
+inline constexpr unsigned kCurrentLimit = 38;       // 2
+inline constexpr unsigned kTorqueEnable = 64;       // 1
+inline constexpr unsigned kStatusReturnLevel = 68;  // 1: 2 for an answer to every instruction
+inline constexpr unsigned kHardwareError = 70;      // 1
+inline constexpr unsigned kBusWatchdog = 98;        // 1, in 20 ms; 255 after it has fired
+inline constexpr unsigned kGoalCurrent = 102;       // 2
+inline constexpr unsigned kRealtimeTick = 120;      // 2, in ms, 0 … 32767
+inline constexpr unsigned kPresentCurrent = 126;    // 2
+inline constexpr unsigned kPresentVelocity = 128;   // 4, in 0.229 turns a minute
+inline constexpr unsigned kPresentPosition = 132;   // 4, in 1/4096 of a turn
+inline constexpr unsigned kIndirectAddress = 168;   // 2 each
 
 inline constexpr unsigned kCurrentControl = 0;  ///< as operating mode
 inline constexpr unsigned kWatchdogFired = 0xFF;
 inline constexpr double kWatchdogUnitS = 0.020;
-inline constexpr unsigned kTicks = 32'768;
 inline constexpr double kStepsPerTurn = 4096.0;
 inline constexpr double kTurnsPerMinute = 0.229;  ///< of one unit of velocity
 }  // namespace dynamixel

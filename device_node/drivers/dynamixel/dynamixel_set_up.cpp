@@ -55,9 +55,11 @@ void DynamixelArm::check_joints() const {
     if (!std::isfinite(joint.play_rad) || joint.play_rad < 0.0) refuse(i, "play_rad is 0 or above");
     const double range_rad = joint.highest_rad - joint.lowest_rad;
     if (!is_positive(range_rad) || range_rad >= kTurnRad / joint.gear) {
-      refuse(i, "the range lowest_rad … highest_rad must be above 0 and below one turn of the "
-                "horn, " + number(kTurnRad / joint.gear) +
-                " rad of the joint: which turn an angle belongs to follows from it");
+      refuse(i,
+             "the range lowest_rad … highest_rad must be above 0 and below one turn of the "
+             "horn, " +
+                 number(kTurnRad / joint.gear) +
+                 " rad of the joint: which turn an angle belongs to follows from it");
     }
   }
   const auto refuse_setting = [](const std::string& what) { throw SetupError("leader: " + what); };
@@ -88,6 +90,7 @@ void DynamixelArm::set_up() {
                        "two lines");
     }
   }
+  check_line();
   for (std::size_t i = 0; i < count_; ++i) prepare(i);
   is_set_up_ = true;
   switched_at_ = clock_.now();
@@ -97,6 +100,26 @@ void DynamixelArm::set_up() {
   if (transfer != Transfer::kDone) fail_transfer(transfer);
   if (fault_ == LeaderFault::kNone) static_cast<void>(take_blocks(Turns::kFind, 0.0, passed));
   if (fault_ != LeaderFault::kNone) throw SetupError("leader " + fault_text());
+}
+
+/// What the bytes of a cycle alone take must leave time for it.
+void DynamixelArm::check_line() const {
+  unsigned return_delay = 0;
+  for (const Servo& servo : servos_) return_delay = std::max(return_delay, servo.return_delay);
+  const double cycle_s = dynamixel_cycle_s(count_, settings_.bits_per_second, 2e-6 * return_delay);
+  const auto refuse = [&](const std::string& setting, double least_s) {
+    throw SetupError("leader: a cycle takes " + number(1e3 * cycle_s) + " ms at " +
+                     std::to_string(settings_.bits_per_second) + " bit/s; " + setting +
+                     " must be above " + number(least_s) +
+                     ", or the servos' return delay shorter, or their baud rate higher");
+  };
+  if (settings_.longest_delay_s <= cycle_s + kLeaderServoDelayS) {
+    refuse("longest_delay_s", cycle_s + kLeaderServoDelayS);
+  }
+  if (settings_.longest_cycle_s <= cycle_s) refuse("longest_cycle_s", cycle_s);
+  if (settings_.watchdog_units * dynamixel::kWatchdogUnitS <= cycle_s) {
+    refuse("watchdog_units", cycle_s / dynamixel::kWatchdogUnitS);
+  }
 }
 
 void DynamixelArm::identify(std::size_t joint) {
@@ -121,7 +144,8 @@ void DynamixelArm::identify(std::size_t joint) {
   }
   const std::string name = name_of(joint) + ", " + servo.model->name;
   if (servo.model->ampere_per_unit <= 0.0) {
-    throw SetupError("leader " + name + ": has no current control; leave it out of the joints, or "
+    throw SetupError("leader " + name +
+                     ": has no current control; leave it out of the joints, or "
                      "replace it by a servo that has");
   }
   if (servo.firmware < servo.model->watchdog_since) {
@@ -167,8 +191,8 @@ void DynamixelArm::check_settings(std::size_t joint) {
   ask_register(joint, dynamixel::kCurrentLimit, limit);
   servo.current_limit =
       std::min(static_cast<int>(dynamixel_u16(limit, 0)),
-               static_cast<int>(std::min(32'767.0, joints_[joint].current_limit_ampere /
-                                                       servo.model->ampere_per_unit)));
+               static_cast<int>(std::min(
+                   32'767.0, joints_[joint].current_limit_ampere / servo.model->ampere_per_unit)));
   std::array<std::byte, 1> error{};
   ask_register(joint, dynamixel::kHardwareError, error);
   if (error[0] != std::byte{0}) {
@@ -223,11 +247,11 @@ std::string DynamixelArm::description() const {
   std::string text;
   for (std::size_t i = 0; i < count_; ++i) {
     const Servo& servo = servos_[i];
-    text += name_of(i) + ": " + servo.model->name + ", firmware " +
-            std::to_string(servo.firmware) + ", at most " + number(largest_torque_newton_m(i)) +
-            " N·m in steps of " + number(servo.newton_m_per_unit) + " (" +
+    text += name_of(i) + ": " + servo.model->name + ", firmware " + std::to_string(servo.firmware) +
+            ", at most " + number(largest_torque_newton_m(i)) + " N·m in steps of " +
+            number(servo.newton_m_per_unit) + " (" +
             (joints_[i].torque_newton_m_per_ampere > 0.0 ? "as configured"
-                                                          : "the manual's stall torque") +
+                                                         : "the manual's stall torque") +
             "), resolution " + number(resolution_rad(i)) + " rad";
     if (servo.return_delay > 0) {
       text += ", return delay " + std::to_string(2 * servo.return_delay) + " µs";

@@ -95,7 +95,8 @@ void SerialPort::set_speed(unsigned bits_per_second) {
     return speed.bits_per_second == bits_per_second;
   });
   if (known == kSpeeds.end()) {
-    std::string text = std::to_string(bits_per_second) + " bit/s is no speed of a serial line; give";
+    std::string text =
+        std::to_string(bits_per_second) + " bit/s is no speed of a serial line; give";
     for (const Speed& speed : kSpeeds) text += " " + std::to_string(speed.bits_per_second);
     throw std::runtime_error(text);
   }

@@ -45,7 +45,9 @@ class LeaderBench {
   explicit LeaderBench(std::vector<device::ServoSettings> servos = device::seven_servos(),
                        device::JointHand hand = holding_hand)
       : emulator_(std::make_unique<device::DynamixelEmulator>(
-            device::BusEmulation{.servos = std::move(servos), .hand = std::move(hand), .faults = {}}, time, 7)) {
+            device::BusEmulation{
+                .servos = std::move(servos), .hand = std::move(hand), .faults = {}},
+            time, 7)) {
     settings.port = emulator_->port();
     settings.bits_per_second = 4'000'000;
     settings.answer_limit_s = std::min(0.8, to_seconds(patience(std::chrono::milliseconds(30))));
@@ -119,9 +121,8 @@ class LeaderBench {
   /// Whether some servo has torque, by its control table.
   [[nodiscard]] unsigned entry(std::size_t servo, unsigned address) {
     std::array<std::byte, 1> value{};
-    emulator_->with_servo(servo, [&](device::EmulatedServo& s) {
-      static_cast<void>(s.read(address, value));
-    });
+    emulator_->with_servo(
+        servo, [&](device::EmulatedServo& s) { static_cast<void>(s.read(address, value)); });
     return std::to_integer<unsigned>(value[0]);
   }
 

@@ -146,11 +146,13 @@ TEST(DynamixelArm, AMeasuredTorquePerAmpereGoesBeforeTheManuals) {
   EXPECT_NEAR(bench.acting_newton_m(), bench.made[0], 1e-9);
 }
 
-// Where a servo has counted turns it forgets them as it gets torque; the range says which turn it is.
+// Where a servo has counted turns it forgets them as it gets torque; the range says which turn it
+// is.
 TEST(DynamixelArm, TurnsAreFoundFromTheRange) {
   LeaderBench bench;
   for (std::size_t i = 0; i < 7; ++i) {
-    bench.emulator().with_servo(i, [i](EmulatedServo& servo) { servo.turn(static_cast<int>(i) - 3); });
+    bench.emulator().with_servo(i,
+                                [i](EmulatedServo& servo) { servo.turn(static_cast<int>(i) - 3); });
   }
   bench.pass(2ms);
   bench.open();
@@ -395,7 +397,8 @@ TEST(DynamixelSetUp, AnotherModeIsRefusedUnlessItMayBeWritten) {
     EXPECT_EQ(servo.write(dynamixel::kOperatingMode, std::array{std::byte{3}}), 0);
     EXPECT_EQ(servo.write(dynamixel::kReturnDelay, std::array{std::byte{250}}), 0);
   });
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 4 (id 4): operating mode 3 is not current control"));
+  EXPECT_THAT(bench.refusal(),
+              HasSubstr("joint 4 (id 4): operating mode 3 is not current control"));
   bench.settings.may_write_eeprom = true;
   bench.open();
   EXPECT_EQ(bench.entry(3, dynamixel::kOperatingMode), 0u);
@@ -428,7 +431,8 @@ TEST(DynamixelSetUp, ServosThatCannotDoItAreRefused) {
 TEST(DynamixelSetUp, AHardwareErrorIsRefusedWithItsCause) {
   LeaderBench bench;
   bench.emulator().with_servo(5, [](EmulatedServo& servo) { servo.protect(0x24); });
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 6 (id 6): reports a hardware error: overheated, overload"));
+  EXPECT_THAT(bench.refusal(),
+              HasSubstr("joint 6 (id 6): reports a hardware error: overheated, overload"));
 }
 
 TEST(DynamixelSetUp, AServoThatIsNotThereIsNamed) {
@@ -456,10 +460,9 @@ TEST(DynamixelSetUp, WrongSettingsAreRefusedBeforeTheLineIsOpened) {
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].play_rad = -1.0; }), HasSubstr("play"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].highest_rad = 9.0; }),
               HasSubstr("below one turn of the horn"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) {
-                b.joints[1].torque_newton_m_per_ampere = std::nan("");
-              }),
-              HasSubstr("torque_newton_m_per_ampere"));
+  EXPECT_THAT(
+      refusal_of([](LeaderBench& b) { b.joints[1].torque_newton_m_per_ampere = std::nan(""); }),
+      HasSubstr("torque_newton_m_per_ampere"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].offset_rad = std::nan(""); }),
               HasSubstr("offset_rad"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.settings.watchdog_units = 0; }),
@@ -472,7 +475,21 @@ TEST(DynamixelSetUp, WrongSettingsAreRefusedBeforeTheLineIsOpened) {
               HasSubstr("/nowhere"));
 }
 
-// Nine servos would be named one by one; any id that answers is one of the arm's.
+// 211 bytes at 57.6 kbit/s are 36.6 ms.
+TEST(DynamixelSetUp, ALineThatIsTooSlowIsRefused) {
+  LeaderBench bench;
+  bench.settings.bits_per_second = 57'600;
+  EXPECT_THAT(bench.refusal(),
+              HasSubstr("a cycle takes 36.6319 ms at 57600 bit/s; longest_delay_s"));
+  bench.settings.longest_delay_s = 0.045;
+  EXPECT_THAT(bench.refusal(), HasSubstr("longest_cycle_s must be above 0.0366319"));
+  bench.settings.longest_cycle_s = 0.05;
+  EXPECT_THAT(bench.refusal(), HasSubstr("watchdog_units must be above 1.8316"));
+  bench.settings.watchdog_units = 3;
+  bench.enabled();
+  EXPECT_TRUE(bench.cycle(0.1));
+}
+
 TEST(DynamixelSetUp, ServosBesideTheArmAreLeftAlone) {
   LeaderBench bench;
   bench.joints.resize(3);

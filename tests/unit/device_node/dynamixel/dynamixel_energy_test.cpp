@@ -7,6 +7,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <deque>
 
 #include "common/core/random.h"
@@ -112,9 +113,8 @@ ArmRun run_arm(bool is_clamped, std::uint64_t seed, int cycles) {
   for (DynamixelJoint& joint : bench.joints) joint.torque_newton_m_per_ampere = 0.354;
   DynamixelArm& arm = bench.enabled();
 
-  PortGuardParameters parameters{.count = 7,
-                                 .times = {.hold_s = arm.lease_s(),
-                                           .longest_lease_s = arm.lease_s()}};
+  PortGuardParameters parameters{
+      .count = 7, .times = {.hold_s = arm.lease_s(), .longest_lease_s = arm.lease_s()}};
   PortValues peak{};
   for (std::size_t i = 0; i < 7; ++i) {
     parameters.ports[i] = {.f_d = 0.8 * 0.015,
@@ -137,12 +137,12 @@ ArmRun run_arm(bool is_clamped, std::uint64_t seed, int cycles) {
     last.duration_s = bench.reading.elapsed_s;
     last.position_at_end = bench.reading.position_rad;
     if (is_clamped) {
-      const PortOutput output = guard.step(
-          {.position = bench.reading.position_rad,
-           .applied = {&last, has_stretch ? 1U : 0U},
-           .has_gap = !bench.reading.is_known || bench.reading.elapsed_s > arm.lease_s(),
-           .acting_effort_on_hand = last.effort_on_hand,
-           .requested_effort_on_hand = torque});
+      const PortOutput output =
+          guard.step({.position = bench.reading.position_rad,
+                      .applied = {&last, has_stretch ? 1U : 0U},
+                      .has_gap = !bench.reading.is_known || bench.reading.elapsed_s > arm.lease_s(),
+                      .acting_effort_on_hand = last.effort_on_hand,
+                      .requested_effort_on_hand = torque});
       sent = output.effort_on_hand;
     }
     bench.pass(from_seconds(random.uniform(0.0, 1.9e-3)));
@@ -160,6 +160,75 @@ ArmRun run_arm(bool is_clamped, std::uint64_t seed, int cycles) {
           .fastest_rad_per_s = bench.emulator().fastest_rad_per_s(),
           .made_ratio = got / asked,
           .fault = arm.fault_text()};
+}
+
+/// The loop of docs/operations/leader_arms.md: a follower that meets a stop at 0.25 rad, 2 N·m/rad,
+/// for 20 s at 250 Hz.
+ArmRun push_against_a_stop(int watchdog_units, bool is_clamped) {
+  LeaderBench bench(seven_servos(), leading_hand());
+  bench.settings.watchdog_units = watchdog_units;
+  for (DynamixelJoint& joint : bench.joints) {
+    joint.torque_newton_m_per_ampere = 0.354;
+    joint.fastest_rad_per_s = 3.0;
+  }
+  DynamixelArm& arm = bench.enabled();
+  PortGuardParameters parameters{
+      .count = 7, .times = {.hold_s = arm.lease_s(), .longest_lease_s = arm.lease_s()}};
+  PortValues peak{};
+  for (std::size_t i = 0; i < 7; ++i) {
+    parameters.ports[i] = {
+        .f_d = 0.8 * 0.015, .f_co = 0.8 * 0.09, .q = arm.resolution_rad(i), .v_max = 3.0};
+    peak[i] = 0.25;
+  }
+  PortGuard guard(raised_for_one_hold(parameters, peak));
+  PortStretch last;
+  double asked = 0.0;
+  double got = 0.0;
+  for (int k = 0; k < 5000 && arm.read(bench.reading); ++k) {
+    const PortValues& q = bench.reading.position_rad;
+    PortValues torque{};
+    for (std::size_t i = 0; i < 7; ++i) torque[i] = 2.0 * (std::clamp(q[i], -0.25, 0.25) - q[i]);
+    last.duration_s = bench.reading.elapsed_s;
+    last.position_at_end = q;
+    const PortOutput output = guard.step({.position = q,
+                                          .applied = {&last, k > 0 ? 1U : 0U},
+                                          .has_gap = !bench.reading.is_known,
+                                          .acting_effort_on_hand = last.effort_on_hand,
+                                          .requested_effort_on_hand = torque});
+    bench.pass(500us);
+    if (!bench.write(is_clamped ? output.effort_on_hand : torque)) break;
+    last.effort_on_hand = bench.made;
+    for (std::size_t i = 0; i < 7; ++i) {
+      asked += std::abs(torque[i]);
+      got += std::abs(bench.made[i]);
+    }
+    bench.pass(3500us);
+  }
+  bench.emulator().catch_up();
+  return {.least_energy_joule = bench.emulator().least_energy_joule(),
+          .fastest_rad_per_s = bench.emulator().fastest_rad_per_s(),
+          .made_ratio = got / asked,
+          .fault = arm.fault_text()};
+}
+
+// The figures of docs/operations/leader_arms.md: a longer watchdog costs credit.
+TEST(DynamixelEnergy, AStopIsFeltAsFarAsTheWatchdogLets) {
+  double before = 1.01;
+  for (const int units : {1, 2, 5, 10}) {
+    const ArmRun run = push_against_a_stop(units, true);
+    EXPECT_EQ(run.fault, "");
+    EXPECT_LT(run.fastest_rad_per_s, 3.0);
+    EXPECT_GE(run.least_energy_joule, -1e-6);
+    EXPECT_GT(run.made_ratio, 0.4);
+    EXPECT_LT(run.made_ratio, before + 0.02);
+    before = run.made_ratio;
+    std::printf("watchdog %3d ms: %4.1f %% of the torque made, least energy %.1f uJ\n", 20 * units,
+                100.0 * run.made_ratio, 1e6 * run.least_energy_joule);
+  }
+  const ArmRun free = push_against_a_stop(1, false);
+  std::printf("no clamp: %4.1f %% made, least energy %.1f uJ\n", 100.0 * free.made_ratio,
+              1e6 * free.least_energy_joule);
+  EXPECT_GT(free.made_ratio, 0.98);
 }
 
 TEST(DynamixelEnergy, TheHandIsNeverDrivenInTenThousandCycles) {

@@ -37,7 +37,8 @@ std::string hex(std::span<const std::byte> bytes) {
 std::vector<std::byte> bytes_of(std::string_view text) {
   std::vector<std::byte> bytes;
   for (std::size_t at = 0; at + 1 < text.size(); at += 3) {
-    bytes.push_back(static_cast<std::byte>(std::stoi(std::string(text.substr(at, 2)), nullptr, 16)));
+    bytes.push_back(
+        static_cast<std::byte>(std::stoi(std::string(text.substr(at, 2)), nullptr, 16)));
   }
   return bytes;
 }
@@ -60,11 +61,9 @@ TEST(DynamixelPacket, PingToEveryoneIsThatOfTheManual) {  // [P2] Ping, example 
 }
 
 TEST(DynamixelPacket, ReadIsThatOfTheManual) {  // [P2] Read: present position of id 1
-  EXPECT_EQ(hex(DynamixelPacket(1, Instruction::kRead)
-                    .u16(dynamixel::kPresentPosition)
-                    .u16(4)
-                    .finish()),
-            "FF FF FD 00 01 07 00 02 84 00 04 00 1D 15");
+  EXPECT_EQ(
+      hex(DynamixelPacket(1, Instruction::kRead).u16(dynamixel::kPresentPosition).u16(4).finish()),
+      "FF FF FD 00 01 07 00 02 84 00 04 00 1D 15");
 }
 
 TEST(DynamixelPacket, WriteIsThatOfTheManual) {  // [P2] Write: goal position 512 of id 1
@@ -251,8 +250,8 @@ TEST(DynamixelPacket, AnyParametersComeBackAsTheyWere) {
     }
     std::vector<std::byte> received(sent.begin(), sent.end());
     const DynamixelMessage message = read_good(received);
-    EXPECT_TRUE(std::equal(message.parameters.begin(), message.parameters.end(), data.begin(),
-                           data.end()));
+    EXPECT_TRUE(
+        std::equal(message.parameters.begin(), message.parameters.end(), data.begin(), data.end()));
   }
 }
 
