@@ -201,10 +201,11 @@ struct SceneConfig {
                      [](const auto& one) { return one.toughness_joule_per_m2 > 0.0; });
 }
 
-/// What has been ablated or torn can come back.
+/// What has been ablated, cut or torn can come back.
 [[nodiscard]] inline bool is_restorable(const SceneConfig& scene, const TissueConfig& tissue) {
-  return can_tear(tissue) ||
-         (scene.electrode && std::holds_alternative<ElasticMaterial>(tissue.material));
+  const auto* const elastic = std::get_if<ElasticMaterial>(&tissue.material);
+  return elastic != nullptr &&
+         (can_tear(tissue) || scene.electrode.has_value() || (scene.blade && elastic->pierced));
 }
 
 /// Thins hop 3: an Interaction is sent when the receiver's force is off, or after `keep_alive`.

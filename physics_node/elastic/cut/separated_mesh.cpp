@@ -36,8 +36,9 @@ class Corners {
     return i;
   }
   void merge(std::uint32_t a, std::uint32_t b) {
-    const auto [low, high] = std::minmax(of(a), of(b));
-    parent_[high] = low;
+    const std::uint32_t first = of(a);
+    const std::uint32_t second = of(b);
+    parent_[std::max(first, second)] = std::min(first, second);
   }
 
  private:
@@ -152,7 +153,9 @@ SeparatedMesh separated_mesh(const Mesh& whole, std::span<const std::uint32_t> e
     made.mesh.elements.push_back(static_cast<std::uint32_t>(
         std::lower_bound(sorted.begin(), sorted.end(), key) - sorted.begin()));
   }
-  for (const std::uint32_t e : elements) made.mesh.regions.push_back(whole.regions[e]);
+  for (const std::uint32_t e : elements) {
+    made.mesh.regions.push_back(whole.regions.empty() ? std::uint8_t{0} : whole.regions[e]);
+  }
   return made;
 }
 

@@ -86,12 +86,13 @@ void Ablation::heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector
   }
 }
 
-void Ablation::cut(std::size_t tool, const std::vector<elastic::FaceSide>& faces, double joule,
-                   const Vector3& from_m, const Vector3& to_m, double reach_m) {
-  edges_[tool] = {.from_m = from_m, .to_m = to_m, .reach_m = reach_m};
-  figures_.cut_joule += joule;
+void Ablation::cut(std::size_t tool, const Sweep& sweep, double reach_m) {
+  edges_[tool] = {.from_m = sweep.from_m, .to_m = sweep.to_m, .reach_m = reach_m};
+  figures_.cut_joule += sweep.joule;
+  figures_.swept_m2 += sweep.swept_m2;
+  figures_.separated_m2 += sweep.cut_m2;
   if (is_cut_.empty()) is_cut_.resize(opposite_->size(), 0);
-  for (const elastic::FaceSide side : faces) {
+  for (const elastic::FaceSide side : sweep.cut) {
     if (std::exchange(is_cut_[side], 1) != 0) continue;
     is_cut_[static_cast<std::size_t>((*opposite_)[side])] = 1;
     ++figures_.faces_cut;

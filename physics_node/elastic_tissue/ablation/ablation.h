@@ -24,6 +24,8 @@ struct AblationFigures {
   std::uint64_t restored = 0;
   std::uint64_t faces_cut = 0;  ///< that blades have passed
   double cut_joule = 0.0;       ///< toughness × area that they have swept
+  double swept_m2 = 0.0;        ///< that area
+  double separated_m2 = 0.0;    ///< of those faces, projected on the planes of the blades
 };
 
 /// The doses of the elements, what still holds, what is cut, and the body that is left. Whenever
@@ -51,11 +53,18 @@ class Ablation {
   void heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector3& tip_m,
             double energised_s);
 
-  /// A blade has cut these faces of the session's body. @pre  it can be cut
-  /// @param from_m, to_m  of its edge in the untouched body
-  /// @param reach_m       of the points that it holds there
-  void cut(std::size_t tool, const std::vector<elastic::FaceSide>& faces, double joule,
-           const Vector3& from_m, const Vector3& to_m, double reach_m);
+  /// What a blade has swept since the last call.
+  struct Sweep {
+    double swept_m2 = 0.0;
+    double joule = 0.0;                  ///< toughness × that
+    std::vector<elastic::FaceSide> cut;  ///< faces of the session's body
+    double cut_m2 = 0.0;                 ///< their projection on the plane of the blade
+    // its edge is there now, in the untouched body
+    Vector3 from_m = Vector3::Constant(1e9);
+    Vector3 to_m = Vector3::Constant(1e9);
+  };
+  /// @pre  it can be cut   @param reach_m  of the points that it holds
+  void cut(std::size_t tool, const Sweep& sweep, double reach_m);
   /// Of the session's body. @pre  it can be cut
   [[nodiscard]] const std::vector<std::int32_t>& opposite_sides() const noexcept {
     return *opposite_;

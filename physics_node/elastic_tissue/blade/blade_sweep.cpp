@@ -89,14 +89,18 @@ void BladeSweep::begin(std::uint32_t number, const BladePlace& place, const Elas
     const std::int32_t other = opposite[side];
     if (other == elastic::kNoSide || static_cast<elastic::FaceSide>(other) < side) continue;
     if (is_left[side / 4] == is_left[static_cast<std::size_t>(other) / 4]) continue;
-    Vector3 centroid_m = Vector3::Zero();
-    for (const int corner : elastic::kFaces[side % 4]) {
-      centroid_m += node_m(whole, mesh.element(side / 4)[static_cast<std::size_t>(corner)]) / 3.0;
+    std::array<Vector3, 3> at_m;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto corner = static_cast<std::size_t>(elastic::kFaces[side % 4][i]);
+      at_m[i] = node_m(whole, mesh.element(side / 4)[corner]);
     }
-    const Vector3 from = centroid_m - place.from_m;
+    const Vector3 from = (at_m[0] + at_m[1] + at_m[2]) / 3.0 - place.from_m;
     if (from.dot(place.facing) < -kBehind_m) continue;
-    faces_.push_back(
-        {.ahead_m = from.dot(place.facing), .along_m = from.dot(place.along), .side = side});
+    const Vector3 twice_area_m2 = (at_m[1] - at_m[0]).cross(at_m[2] - at_m[0]);
+    faces_.push_back({.ahead_m = from.dot(place.facing),
+                      .along_m = from.dot(place.along),
+                      .projected_m2 = 0.5 * std::abs(normal.dot(twice_area_m2)),
+                      .side = side});
   }
   std::sort(faces_.begin(), faces_.end(), [](const Crossed& a, const Crossed& b) {
     return a.ahead_m != b.ahead_m ? a.ahead_m < b.ahead_m : a.side < b.side;
@@ -119,16 +123,20 @@ BladeSweep::Step BladeSweep::advance(const Vector3& slip_m, const ElasticBody& w
             : 1.0;
     const double from_along_m = along_before_m + share * (along_m - along_before_m);
     const double in_m = faces_[next_].along_m - from_along_m;
-    if (in_m >= 0.0 && in_m <= place_.length_m) step.cut.push_back(faces_[next_].side);
+    if (in_m < 0.0 || in_m > place_.length_m) continue;
+    step.sweep.cut.push_back(faces_[next_].side);
+    step.sweep.cut_m2 += faces_[next_].projected_m2;
   }
   slip_m_ = slip_m;
   const Vector3 ahead_m = from_m() + kAhead_m * place_.facing;
   step.ahead =
       edge_in_tissue(whole, present, tissue, ahead_m, ahead_m + place_.length_m * place_.along);
   const double further_m = std::max(0.0, depth_m - deepest_m_);
-  step.swept_m2 = further_m * step.ahead.length_m;
-  step.joule = further_m * step.ahead.newton;
+  step.sweep.swept_m2 = further_m * step.ahead.length_m;
+  step.sweep.joule = further_m * step.ahead.newton;
   deepest_m_ += further_m;
+  step.sweep.from_m = from_m();
+  step.sweep.to_m = to_m();
   return step;
 }
 
@@ -141,7 +149,7 @@ void sweep_with(const Jaw& held, const Vector3& slip_m, const GripperConfig& bla
     sweep.begin(model.number, held.blade(), whole, ablation.opposite_sides(), held.deepest_m());
   }
   const BladeSweep::Step step = sweep.advance(slip_m, whole, ablation.present(), *whole.pierced);
-  ablation.cut(tool, step.cut, step.joule, sweep.from_m(), sweep.to_m(), blade.reach_m);
+  ablation.cut(tool, step.sweep, blade.reach_m);
   edge = step.ahead;
   // at the surface, where it has come in, less of the edge may be in than the tip has pressed in
   if (slip_m.dot(held.blade().facing) < blade.needle_width_m) {

@@ -39,10 +39,8 @@ class BladeSweep {
   [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
 
   struct Step {
-    EdgeInTissue ahead;                  ///< a little further than it is
-    double swept_m2 = 0.0;               ///< since the last step, beyond where it had been
-    double joule = 0.0;                  ///< toughness × that
-    std::vector<elastic::FaceSide> cut;  ///< faces of the session's body, since the last step
+    EdgeInTissue ahead;  ///< a little further than it is
+    Ablation::Sweep sweep;
   };
   /// The edge is there now. @param slip_m  of the blade past the tissue, since it went in
   [[nodiscard]] Step advance(const Vector3& slip_m, const ElasticBody& whole,
@@ -56,6 +54,7 @@ class BladeSweep {
   struct Crossed {         // a face between the two sides of the plane
     double ahead_m = 0.0;  // its centroid, from the edge where that went in
     double along_m = 0.0;
+    double projected_m2 = 0.0;
     elastic::FaceSide side = 0;
   };
   std::uint32_t number_ = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// grasp_bench: the force of tissue in the jaws of a gripper, or around a needle, along prescribed
-// paths, at the other end of a network, against full solutions with the same constraints every
-// millisecond. Open loop, on a virtual clock: the forces are the same on every machine.
+// grasp_bench: the force of tissue in the jaws of a gripper, around a needle or a blade, along
+// prescribed paths, at the other end of a network, against full solutions with the same constraints
+// every millisecond. Open loop, on a virtual clock: the forces are the same on every machine.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -147,6 +147,26 @@ Path needle_path() {
   return path;
 }
 
+/// 40 mm into the block of the session `incision` at 20 mm/s, a rest, and back by 15 mm.
+Path blade_path() {
+  constexpr double kSpeed_m_per_s = 0.02;
+  constexpr double kFrom_m = -0.034;
+  constexpr double kWay_m = 0.048;  // the surface is 2 mm away, and gives way
+  constexpr double kRest_s = 0.3;
+  constexpr double kBack_m = 0.015;
+  Path path{
+      .name = "blade, 40 mm",
+      .scene = load_session(test::source_dir() + "/deploy/sessions/tools/incision.txtpb").scene,
+      .tip_m = {},
+      .seconds = (kWay_m + kBack_m) / kSpeed_m_per_s + kRest_s};
+  path.tip_m = [](double time_s) {
+    const double in_m = std::min(kWay_m, kSpeed_m_per_s * time_s);
+    const double back_m = std::max(0.0, kSpeed_m_per_s * (time_s - kRest_s) - kWay_m);
+    return Vector3(kFrom_m + in_m - back_m, 0.001, -0.008);
+  };
+  return path;
+}
+
 std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
   const Vector3 from_m(0.003, 0.002, tip_z_m);
   const auto with = [&](double slip_newton, double tear_newton) {
@@ -162,15 +182,16 @@ std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
           {"retract aside, 20 mm", with(100, 100), to_and_fro(from_m, {0.015, 0, 0.013})},
           {"slip", with(0.8, 100), to_and_fro(from_m, {0, 0, 0.020})},
           {"tear", with(100, 0.8), to_and_fro(from_m, {0, 0, 0.020})},
-          needle_path()};
+          needle_path(),
+          blade_path()};
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "The force of tissue in the jaws of a gripper, or around a needle, at the other end of a "
-      "network, against full "
+      "The force of tissue in the jaws of a gripper, around a needle or a blade, at the other end "
+      "of a network, against full "
       "solutions with the same constraints every 1 ms. Open loop, virtual time.",
       "grasp_bench"};
   BenchOptions options;
