@@ -21,10 +21,12 @@
 #include "common/telemetry/quantile.h"
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "physics_node/files/tetrahedral_files.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/delayed_force.h"
 #include "tests/bench/elastic/elastic_rows.h"
 #include "tests/support/machine/places.h"
+#include "tests/support/temp_folder.h"
 
 namespace {
 
@@ -167,6 +169,58 @@ Path blade_path() {
   return path;
 }
 
+/// A block of the size of that of `incision`, so many times as fine.
+SceneConfig refined(const SceneConfig& scene, double times, const TempFolder& folder) {
+  const auto cells = [&](int coarse) { return static_cast<int>(std::lround(coarse * times)); };
+  const elastic::Mesh box = elastic::box_mesh(elastic::equal_planes(-0.03, 0.03, cells(14)),
+                                              elastic::equal_planes(-0.015, 0.015, cells(7)),
+                                              elastic::equal_planes(-0.02, 0.0, cells(5)));
+  physics::TetrahedralMesh mesh;
+  mesh.nodes_m.assign(box.nodes_m.begin(), box.nodes_m.end());
+  for (std::size_t e = 0; e < box.element_count(); ++e) {
+    const auto corners = box.element(e);
+    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
+  }
+  SceneConfig made = scene;
+  std::get<FileGeometry>(made.tissues.front().geometry).file =
+      folder.write("block.msh", physics::msh_text(mesh));
+  return made;
+}
+
+/// What a change of topology takes, beside a body that is made for the first time.
+void report_changes(const SceneConfig& scene) {
+  constexpr int kChanges = 4;
+  const double begin_s = bench::cpu_s();
+  const auto body = physics::elastic_bodies_of(scene).front();
+  const auto shared = std::make_shared<physics::BodyCompliance>(body);
+  const double made_s = bench::cpu_s() - begin_s;
+  physics::Ablation ablation(shared, {}, scene.tip_radius_m, 1, false, true);
+  physics::BladeSweep sweep;
+  sweep.begin(1,
+              {.from_m = {-0.03, 0.001, -0.008},
+               .facing = Vector3::UnitX(),
+               .along = Vector3::UnitZ(),
+               .length_m = scene.blade->length_m},
+              *body, ablation.opposite_sides(), 0.0);
+  elastic::VectorXd x_m = body->start_m;
+  double worst_s = 0.0;
+  for (int i = 1; i <= kChanges; ++i) {
+    const auto step = sweep.advance({0.01 * i, 0, 0}, *body, ablation.present(), *body->pierced);
+    ablation.cut(0, step.sweep, scene.blade->reach_m);
+    const double from_s = bench::cpu_s();
+    static_cast<void>(ablation.advance(0.02, x_m));  // makes it
+    worst_s = std::max(worst_s, bench::cpu_s() - from_s);
+    for (int wait = 0; wait < 20; ++wait) {
+      if (const auto made = ablation.advance(0.02, x_m)) x_m = made->body()->start_m;
+    }
+  }
+  fmt::print(
+      "{} tetrahedra: {:.0f} ms to load, at most {:.0f} ms processor time for a cut by 10 mm more, "
+      "with the compliance beside the edge; {} faces, projected {:.0f} mm² of {:.0f} mm² swept\n",
+      body->body->mesh().element_count(), 1e3 * made_s, 1e3 * worst_s, ablation.figures().faces_cut,
+      1e6 * ablation.figures().separated_m2, 1e6 * ablation.figures().swept_m2);
+}
+
 std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
   const Vector3 from_m(0.003, 0.002, tip_z_m);
   const auto with = [&](double slip_newton, double tear_newton) {
@@ -251,5 +305,11 @@ int main(int argc, char** argv) {
       }
     }
     table.publish(options);
+    if (std::string("blade").find(only) == std::string::npos || only.empty()) return;
+    const SceneConfig incision = blade_path().scene;
+    const TempFolder folder;
+    for (const double times : options.is_quick ? std::vector{1.0} : std::vector{1.0, 1.6, 2.75}) {
+      report_changes(refined(incision, times, folder));
+    }
   });
 }
