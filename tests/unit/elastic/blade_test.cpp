@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -246,6 +247,7 @@ class BladeHand {
   Vector3 newton_ = Vector3::Zero();
   double work_joule_ = 0.0;
   double least_work_joule_ = 0.0;
+  double blade_joule_ = 0.0;
   std::optional<Contact> contact_;
 };
 
