@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // An elastic tissue into which a needle or a blade goes.
-#include "physics_node/elastic_tissue/blade/blade_sweep.h"
 #include "physics_node/elastic_tissue/elastic_tissue.h"
 
 namespace palpate::physics {
