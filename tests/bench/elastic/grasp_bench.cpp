@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <numbers>
 #include <string>
 #include <thread>
