@@ -52,6 +52,8 @@ set(PALPATE_BOUNDARIES
   # simulation ← drivers, one folder a driver; they wait while they open a device, never in the tick
   "device_node/drivers:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers/*,@threads"
   "device_node/drivers/transport:common/core"
+  # leader arms: a library of their own, without sessions
+  "device_node/drivers/dynamixel:common/core,device_node/drivers/transport,@threads"
   "device_node/drivers/falcon:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/haply:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"

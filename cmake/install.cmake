@@ -54,7 +54,7 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/palpateConfigVersion.cmak
 set(package_files cmake/palpateConfig.cmake ${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake)
 
 # The controllers by themselves: cmake --install BUILD --component controllers --prefix FOLDER
-install(TARGETS palpate_clamp palpate_controllers EXPORT palpateTargets
+install(TARGETS palpate_clamp palpate_controllers palpate_leaders EXPORT palpateTargets
         ARCHIVE COMPONENT controllers
         PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate/controllers
                       COMPONENT controllers

@@ -30,7 +30,8 @@ Wave scaled(Wave wave, double scale_ratio, double force_ratio) noexcept {
 MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
                    Sender<ToolMotion>& motion_out, Inbox<Interaction>& interaction_in,
                    TickSink<MofcTick>& ticks, std::uint64_t session_id,
-                   std::optional<StandbyLinks> standby)
+                   std::optional<StandbyLinks> standby,
+                   std::unique_ptr<controllers::ForceController> controller)
     : interaction_use_(mofc.interaction),
       device_(device),
       clock_(clock),
@@ -40,7 +41,7 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
       physics_(interaction_in, clock, mofc.wait_for_physics, mofc.stale_after),
       choice_(mofc.standby_after.value_or(Duration::max())),
       tissue_(mofc.interaction, standby.has_value(), mofc.handover_newton_per_s, session_id),
-      controller_(make_controller(mofc, device)),
+      controller_(controller ? std::move(controller) : make_controller(mofc, device)),
       still_after_(mofc.still_after),
       gone_after_(std::max(mofc.stale_after, mofc.still_after) + mofc.fade),
       fade_time_(mofc.fade),

@@ -62,10 +62,12 @@ class MofcNode {
   /// All references must outlive the node.
   /// @param session_id  random per process start, ≠ 0
   /// @param standby     with mofc.standby_after
+  /// @param controller  null: the one that the session selects
   MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
            Sender<ToolMotion>& motion_out, Inbox<Interaction>& interaction_in,
            TickSink<MofcTick>& ticks, std::uint64_t session_id,
-           std::optional<StandbyLinks> standby = std::nullopt);
+           std::optional<StandbyLinks> standby = std::nullopt,
+           std::unique_ptr<controllers::ForceController> controller = nullptr);
 
   /// The answer to one DeviceState; send it at once, then call finish_turn().
   [[nodiscard]] ForceCommand answer(const Received<DeviceState>& state) noexcept;

@@ -219,11 +219,13 @@ class LockstepSide {
           PhysicsTool::Setup{session, side_, index, PhysicsRole::kStandby, side_.mofc.interaction},
           options, time_, host, scene, *standby_links_);
     }
-    mofc_node_.emplace(side_.mofc, clamped_device(side_.device), time_, first_.motion_out(),
-                       first_.interaction_in(), mofc_tick_, session_id(kLockstepMofc),
-                       standby_ ? std::optional(mofc::StandbyLinks{standby_->motion_out(),
-                                                                   standby_->interaction_in()})
-                                : std::nullopt);
+    mofc_node_.emplace(
+        side_.mofc, clamped_device(side_.device), time_, first_.motion_out(),
+        first_.interaction_in(), mofc_tick_, session_id(kLockstepMofc),
+        standby_
+            ? std::optional(mofc::StandbyLinks{standby_->motion_out(), standby_->interaction_in()})
+            : std::nullopt,
+        options.make_controller ? options.make_controller(side_, *device_) : nullptr);
     device_node_.report_checked_friction(friction_ratio_);
     if (index == 0) device_->tap(options.journal);
     // nobody stands at a device on virtual time: who builds one that is not simulated agrees

@@ -20,6 +20,10 @@
 
 namespace palpate {
 
+namespace controllers {
+class ForceController;
+}
+
 /// Session ids of the nodes, fixed so that runs are bit-identical; processes draw random ones.
 inline constexpr std::uint64_t kLockstepDevice = 1;
 inline constexpr std::uint64_t kLockstepMofc = 2;
@@ -38,6 +42,11 @@ struct LockstepOptions {
   std::function<std::unique_ptr<device::HapticDevice>(const Side&, const Clock&,
                                                       std::uint64_t seed)>
       make_device{};
+  /// The controller of a side, which may look at its device as no real one can. Empty: the one that
+  /// the session selects.
+  std::function<std::unique_ptr<controllers::ForceController>(const Side&,
+                                                              const device::HapticDevice&)>
+      make_controller{};
   /// Changes each Interaction as it leaves physics_node, after the session's adversary. Empty:
   /// none.
   std::function<void(Interaction&)> tamper_with_interaction{};

@@ -308,8 +308,11 @@ std::vector<Segment> table_of(const FileText& text, const NrrdHeader& header,
     if (const Field* tags = key(i, "Tags")) segment.code = code_of(tags->value);
     for (const Segment& other : table) {
       if (other.value == segment.value && other.layer == segment.layer) {
-        text.fail_at_line(any->line, "Segment" + std::to_string(i) +
-                                         ": has the layer and label value of another segment");
+        text.fail_at_line(
+            any->line,
+            "Segment" + std::to_string(i) + ": has the layer and label value of another segment" +
+                (key(i, "LabelValue") == nullptr ? "; LabelValue is missing, which counts as 1"
+                                                 : ""));
       }
     }
     table.push_back(segment);

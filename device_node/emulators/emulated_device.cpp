@@ -18,13 +18,14 @@ struct KnownFault {
   WireFault kind;
   std::string_view drivers = {};  ///< of which devices alone; none: of all
 };
-constexpr std::array<KnownFault, 31> kWireFaults{
+constexpr std::string_view kOfOneHandle = "haply_inverse hapi falcon wooden";
+constexpr std::array<KnownFault, 35> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
      {"garbage", WireFault::kGarbage},
      {"short", WireFault::kShort},
-     {"wrong_id", WireFault::kWrongId, "haply_inverse hapi"},
+     {"wrong_id", WireFault::kWrongId, "haply_inverse hapi dynamixel"},
      {"stuck", WireFault::kStuck},
      {"echo", WireFault::kEcho, "falcon"},
      {"no_watchdog", WireFault::kNoWatchdog},
@@ -37,19 +38,23 @@ constexpr std::array<KnownFault, 31> kWireFaults{
      {"grip_gone", WireFault::kGripGone, "haply_inverse"},
      {"grip_off", WireFault::kGripOff, "haply_inverse"},
      {"grip_frozen", WireFault::kGripFrozen, "haply_inverse"},
-     {"watchdog_20", WireFault::kWatchdog20},
-     {"watchdog_100", WireFault::kWatchdog100},
-     {"watchdog_500", WireFault::kWatchdog500},
-     {"late", WireFault::kLate},
-     {"one_tick", WireFault::kOneTick},
+     {"watchdog_20", WireFault::kWatchdog20, kOfOneHandle},
+     {"watchdog_100", WireFault::kWatchdog100, kOfOneHandle},
+     {"watchdog_500", WireFault::kWatchdog500, kOfOneHandle},
+     {"late", WireFault::kLate, kOfOneHandle},
+     {"one_tick", WireFault::kOneTick, kOfOneHandle},
      {"turning", WireFault::kTurning, "hapi falcon wooden"},
      {"reversed", WireFault::kReversed},
      {"strong", WireFault::kStrong},
-     {"weight", WireFault::kWeight},
+     {"weight", WireFault::kWeight, kOfOneHandle},
      {"dropped", WireFault::kDropped},
-     {"partial", WireFault::kPartial, "hapi falcon wooden"},
-     {"merged", WireFault::kMerged},
-     {"unlisted", WireFault::kUnlisted, "haply_inverse"}}};
+     {"partial", WireFault::kPartial, "hapi falcon wooden dynamixel"},
+     {"merged", WireFault::kMerged, kOfOneHandle},
+     {"unlisted", WireFault::kUnlisted, "haply_inverse"},
+     {"servo_gone", WireFault::kServoGone, "dynamixel"},
+     {"servo_reboot", WireFault::kServoReboot, "dynamixel"},
+     {"servo_overload", WireFault::kServoOverload, "dynamixel"},
+     {"bit_errors", WireFault::kBitErrors, "dynamixel"}}};
 
 constexpr double kWeightNewton = 0.5;
 constexpr std::uint64_t kDroppedOneIn = 20;
@@ -63,7 +68,8 @@ bool read_number(std::string_view text, double& value) {
 
 /// Takes effect as it begins, however long it is.
 bool is_at_once(WireFault kind) {
-  return kind == WireFault::kPowerCycle || kind == WireFault::kEncoderZero;
+  return kind == WireFault::kPowerCycle || kind == WireFault::kEncoderZero ||
+         kind == WireFault::kServoReboot || kind == WireFault::kServoOverload;
 }
 
 /// Kinds of which one acts at a time; 0: beside all others. Of two that were given, that of the
@@ -95,10 +101,6 @@ SetupError fault_of_another(const std::string& text, const std::string& driver,
                             std::string_view drivers) {
   return SetupError("--fault \"" + text + "\": is no fault of " + driver + " but of " +
                     std::string(drivers) + "; leave it out");
-}
-
-bool is_in(const PlannedFault& fault, double now_s) {
-  return now_s >= fault.from_s && now_s < fault.from_s + fault.length_s;
 }
 
 std::vector<FaultOutcome> outcomes_of(const std::vector<PlannedFault>& faults) {
@@ -182,7 +184,7 @@ WireFault EmulatedDevice::fault() const noexcept {
   const double now_s = this->now_s();
   for (const FaultOutcome& outcome : outcomes_) {
     const PlannedFault& fault = outcome.fault;
-    if (fault.kind <= WireFault::kEcho && is_in(fault, now_s)) return fault.kind;
+    if (fault.kind <= WireFault::kEcho && is_under_way(fault, now_s)) return fault.kind;
   }
   return WireFault::kNone;
 }
@@ -190,7 +192,7 @@ WireFault EmulatedDevice::fault() const noexcept {
 bool EmulatedDevice::has(WireFault kind) const noexcept {
   const std::scoped_lock lock(faults_);
   return std::any_of(outcomes_.begin(), outcomes_.end(), [&](const FaultOutcome& outcome) {
-    return outcome.fault.kind == kind && is_in(outcome.fault, now_s());
+    return outcome.fault.kind == kind && is_under_way(outcome.fault, now_s());
   });
 }
 

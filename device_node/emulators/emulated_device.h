@@ -52,6 +52,11 @@ enum class WireFault : std::uint8_t {
   kPartial,   ///< each answer comes in two transfers, the second one later
   kMerged,    ///< each answer comes with the one before it, in one transfer
   kUnlisted,  ///< the service does not list the device any more
+  // of one servo on a bus: the last but one
+  kServoGone,      ///< its plug is out: no answer, no torque
+  kServoReboot,    ///< as it begins: it has no torque, no watchdog, and the turn it was in
+  kServoOverload,  ///< as it begins: it protects itself, and says so
+  kBitErrors,      ///< one answer in 50 has a wrong bit
 };
 
 struct PlannedFault {
@@ -59,6 +64,10 @@ struct PlannedFault {
   double from_s = 0.0;  ///< since the emulator's start
   double length_s = 0.0;
 };
+
+[[nodiscard]] inline bool is_under_way(const PlannedFault& fault, double now_s) noexcept {
+  return now_s >= fault.from_s && now_s < fault.from_s + fault.length_s;
+}
 
 /// What the motors did in a planned fault.
 struct FaultOutcome {

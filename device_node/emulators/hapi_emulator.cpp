@@ -1,21 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device_node/emulators/hapi_emulator.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <array>
 #include <bit>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <optional>
 #include <span>
 #include <thread>
 #include <utility>
 
-#include "common/core/check.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
 
 namespace palpate::device {
@@ -24,14 +19,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kLater = 200us;  // the second transfer of an answer
-
-int open_pseudo_terminal() {
-  const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
-  if (terminal < 0 || ::grantpt(terminal) != 0 || ::unlockpt(terminal) != 0) {
-    throw SetupError("no pseudo-terminal to be had: is /dev/pts mounted?");
-  }
-  return terminal;
-}
 
 float number_at(const std::byte* bytes) {
   std::uint32_t bits = 0;
@@ -45,15 +32,8 @@ HapiEmulator::HapiEmulator(EmulatedDevice& device, const HapiConfig& config)
     : device_(device),
       config_(config),
       links_(pantograph_geometry(config)),
-      line_([this] {
-        const int terminal = open_pseudo_terminal();
-        port_ = ::ptsname(terminal);
-        client_end_ = ::open(port_.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC);
-        return terminal;
-      }()),
+      line_(terminal_.end()),
       angles_rad_(Vector2(std::numbers::pi, 0.0)) {}
-
-HapiEmulator::~HapiEmulator() { ::close(client_end_); }
 
 void HapiEmulator::run(const std::stop_token& stop) {
   std::array<std::byte, kHapiSetUpBytes> message{};

@@ -11,6 +11,7 @@
 #include "device_node/drivers/hapi/pantograph.h"
 #include "device_node/drivers/transport/serial_port.h"
 #include "device_node/emulators/emulated_device.h"
+#include "device_node/emulators/pseudo_terminal.h"
 
 namespace palpate::device {
 
@@ -19,12 +20,11 @@ class HapiEmulator {
   /// @param config  geometry, encoders, gain and frame of the board; its port is not read
   /// @throws SetupError  no pseudo-terminal to be had
   HapiEmulator(EmulatedDevice& device, const HapiConfig& config);
-  ~HapiEmulator();
   HapiEmulator(const HapiEmulator&) = delete;
   HapiEmulator& operator=(const HapiEmulator&) = delete;
 
   /// What a driver opens.
-  [[nodiscard]] const std::string& port() const noexcept { return port_; }
+  [[nodiscard]] const std::string& port() const noexcept { return terminal_.name(); }
   /// Set-ups so far.
   [[nodiscard]] int set_ups() const noexcept { return set_ups_; }
   /// Serves until the stop.
@@ -45,8 +45,7 @@ class HapiEmulator {
   EmulatedDevice& device_;
   HapiConfig config_;
   Pantograph links_;
-  int client_end_ = -1;  // kept open, so that the line does not hang up between two clients
-  std::string port_;
+  PseudoTerminal terminal_;
   SerialPort line_;
   Vector2 angles_rad_;          // true ones
   Vector2 zero_rad_{0.0, 0.0};  // what the board's angles are off by

@@ -15,6 +15,15 @@ BranchStep branch_step(const std::vector<Branch>& branches, std::size_t branch,
           .gained = steps > 0.0 ? -std::expm1(-steps) / steps : 1.0};
 }
 
+double stiffening_of(const std::vector<Branch>& branches, double step_s) noexcept {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < branches.size(); ++i) {
+    const BranchStep step = branch_step(branches, i, step_s);
+    sum += step.stiffness * step.gained;
+  }
+  return sum;
+}
+
 Relaxation::Relaxation(const std::vector<Branch>& branches, Eigen::Index size)
     : branches_(branches),
       forces_(branches.size(), VectorXd::Zero(size)),
@@ -26,11 +35,10 @@ Relaxation::Relaxation(const std::vector<Branch>& branches, Eigen::Index size)
 
 void Relaxation::begin(double step_s, const VectorXd& spring_newton) {
   if (!is_there()) return;
-  stiffening_ = 0.0;
+  stiffening_ = stiffening_of(branches_, step_s);
   pull_.setZero();
   for (std::size_t i = 0; i < branches_.size(); ++i) {
     const BranchStep step = branch_step(branches_, i, step_s);
-    stiffening_ += step.stiffness * step.gained;
     pull_ += step.stiffness * step.kept * forces_[i];
   }
   pull_ -= stiffening_ * spring_newton;

@@ -30,6 +30,9 @@ struct BranchStep {
 [[nodiscard]] BranchStep branch_step(const std::vector<Branch>& branches, std::size_t branch,
                                      double step_s) noexcept;
 
+/// Σ γ b: by how much the branches stiffen a step of this length, over the stiffness at rest.
+[[nodiscard]] double stiffening_of(const std::vector<Branch>& branches, double step_s) noexcept;
+
 /// The history of all nodes; one thread. Without branches it is empty and does nothing.
 class Relaxation {
  public:

@@ -235,14 +235,22 @@ std::vector<std::string> hold(const TetrahedralMesh& read, const ElasticMaterial
 elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vector3& gravity,
                                       const std::string& name) {
   loaded.gravity_m_per_s2 = gravity;
+  std::string why;
   try {
     elastic::UnloadedShape found = elastic::find_unloaded_shape(loaded);
-    if (found.is_converged) return found;
+    if (found.is_converged && found.away_m <= kMostScanError_m) return found;
+    if (found.is_converged) {
+      char text[100];  // NOLINT: for snprintf
+      std::snprintf(text, sizeof text,
+                    " (it is not stable: disturbed, it comes to rest %.2g mm away)",
+                    1e3 * found.away_m);
+      why = text;
+    }
   } catch (const std::invalid_argument& error) {
     throw SetupError(name + error.what());
   }
   throw SetupError(
-      name + kNoUnloadedShape +
+      name + kNoUnloadedShape + why +
       "; is young_pa in Pa, the mesh in metres (unit_m)? Hold more of it (fixed), give "
       "a stiffer material, or leave out scan_gravity_m_per_s2, which takes the mesh as free of "
       "load");
@@ -383,6 +391,8 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                              ((1.0 + material.poisson_ratio) * (2.0 - material.poisson_ratio));
   made->solve_rate_hz = material.solve_rate_hz;
   made->viscosity_s = material.viscosity_s;
+  made->prompt_ratio =
+      1.0 / (1.0 + elastic::stiffening_of(description.branches, 1.0 / material.solve_rate_hz));
   if (unloaded) made->scan_error_m = unloaded->away_m;
   complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), nullptr,
            name, *made);
@@ -409,6 +419,7 @@ std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
   made->shear_newton_per_m = like.shear_newton_per_m;
   made->solve_rate_hz = like.solve_rate_hz;
   made->viscosity_s = like.viscosity_s;
+  made->prompt_ratio = like.prompt_ratio;
   complete(std::move(description), start_m, alike, "", *made);
   return made;
 }
@@ -472,9 +483,6 @@ std::string mesh_report(const ElasticBody& body) {
     std::snprintf(more, sizeof more, "; has the shape of the scan within %.2g mm under its gravity",
                   1e3 * body.scan_error_m);
     report += more;
-    if (body.scan_error_m > kMostScanError_m) {
-      report += "; WARNING: more than 0.2 mm, because long edges bend: make the mesh finer";
-    }
   }
   if (quality.is_scale_doubtful()) {
     report += "; WARNING: extends over " + std::to_string(quality.extent_m) +

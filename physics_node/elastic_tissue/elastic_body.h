@@ -64,6 +64,8 @@ struct ElasticBody {
   double shear_newton_per_m = 0.0;
   double solve_rate_hz = 50.0;
   double viscosity_s = 0.0;  ///< Rayleigh's β
+  /// Of the compliance at rest, what gives way within a period of full solutions: the rest creeps.
+  double prompt_ratio = 1.0;
   std::optional<ElasticMaterial::Pierced> pierced = {};
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 

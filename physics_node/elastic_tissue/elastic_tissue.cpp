@@ -45,6 +45,11 @@ constexpr double kHeldAges = 1.25;
 constexpr std::uint32_t kHeldPeriods = 3;
 constexpr double kSamePlace_m = 2e-4;
 
+/// Of the law, where nothing is known but the material.
+double stiffness_untouched(const ElasticBody& body) {
+  return elastic_stiffness(body.hertz_newton / body.prompt_ratio, kHertzDepth_m);
+}
+
 }  // namespace
 
 ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t tools,
@@ -63,7 +68,7 @@ ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t
       tips_(tools) {
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.push_back(std::make_unique<Tool>());
-    tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
+    tools_.back()->stiffness_newton_per_m = stiffness_untouched(*body_);
     tools_.back()->surface_of = whole_.get();
   }
   if (electrode || whole_->can_tear() || can_be_cut()) {
@@ -217,8 +222,7 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
   own.bound_newton = kUnknownNewton;
   double depth_m = penetration_m;  // of the law
   if (prepared == nullptr || !is_among(*prepared, tip_m, view.normal)) {
-    // nothing is known of this place but its material
-    own.stiffness_newton_per_m = elastic_stiffness(whole_->hertz_newton, kHertzDepth_m);
+    own.stiffness_newton_per_m = stiffness_untouched(*whole_);
   } else if (penetration_m > -tip_radius_m_) {
     const Vector3 force = press(own, *prepared);
     // in doubt there is no force

@@ -37,7 +37,8 @@ PatchMaker::PatchMaker(const ElasticBody& body, elastic::SurfaceCompliance& comp
   patch_.state.tissue = body.tissue;
   patch_.state.tip_radius_m = tip_radius_m;
   patch_.state.friction_coefficient = body.friction_coefficient;
-  patch_.state.relaxation_s = std::min(body.viscosity_s, kMaxElasticRelaxationS);
+  patch_.state.relaxation_s =
+      std::min(body.prompt_ratio * body.viscosity_s, kMaxElasticRelaxationS);
   patch_.state.friction_stiffness_newton_per_m = body.shear_newton_per_m;
 }
 
@@ -89,9 +90,9 @@ void PatchMaker::require() {
   nodes_.clear();
 }
 
-/// Displacement of a point under a force at another one, at rest.
+/// Displacement of a point under a force at another one, within a period of full solutions.
 Eigen::Matrix3d PatchMaker::give(std::uint32_t at, std::uint32_t under) const {
-  return compliance_.give(body_.points[at], body_.points[under], columns_);
+  return body_.prompt_ratio * compliance_.give(body_.points[at], body_.points[under], columns_);
 }
 
 void PatchMaker::assign(std::uint32_t slot, std::uint32_t index) {
@@ -259,8 +260,10 @@ void PatchMaker::describe(const ElasticSimulation::Touch& touch, const elastic::
     largest_newton = std::max(largest_newton, forces[slot].cwiseAbs().maxCoeff());
   }
   if (state.force_outside_patch_newton.norm() < 1e-9) state.force_outside_patch_newton.setZero();
-  const double ratio =
-      is_alone && !touch.force_on_tool_newton.isZero(0.0) ? ratio_of(forces, ways_m, rates_m) : 0.0;
+  // what has relaxed is on no way between the untouched body and this state
+  const bool is_on_way =
+      is_alone && body_.prompt_ratio == 1.0 && !touch.force_on_tool_newton.isZero(0.0);
+  const double ratio = is_on_way ? ratio_of(forces, ways_m, rates_m) : 0.0;
   state.has_rest = ratio > 0.0;
   state.compliance_ratio = state.has_rest ? ratio : 1.0;
 

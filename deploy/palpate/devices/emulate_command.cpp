@@ -4,6 +4,7 @@
 #include <chrono>
 #include <filesystem>
 #include <thread>
+#include <utility>
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
@@ -14,6 +15,7 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "device_node/drivers/driver_registry.h"
+#include "device_node/emulators/dynamixel_emulator.h"
 #include "device_node/emulators/falcon_emulator.h"
 #include "device_node/emulators/hapi_emulator.h"
 #include "device_node/emulators/haply_emulator.h"
@@ -31,22 +33,24 @@ constexpr Duration kEmulatedWatchdog = 20ms;
 /// A name for a pseudo-terminal, as long as the object exists.
 class TerminalLink {
  public:
-  TerminalLink(const std::string& terminal, const std::string& name) : name_(name) {
+  /// @param setting  that says the name   @param remedy  for one that cannot be had
+  TerminalLink(const std::string& terminal, const std::string& name, const std::string& setting,
+               const std::string& remedy)
+      : name_(name) {
     const fs::file_status status = fs::symlink_status(name_);
     const bool is_old =
         fs::is_symlink(status) && fs::read_symlink(name_).string().starts_with("/dev/pts/");
     if (fs::exists(status) && !is_old) {
-      throw SetupError(
-          "device.hapi.port: \"" + name +
-          "\" exists, and no emulator made it; give the emulator a new name with --set "
-          "device.hapi.port=/tmp/NAME");
+      throw SetupError(setting + ": \"" + name +
+                       "\" exists, and no emulator made it; give the emulator a new name with " +
+                       remedy);
     }
     std::error_code error;
     fs::remove(name_, error);
     fs::create_symlink(terminal, name_, error);
     if (error) {
-      throw SetupError("device.hapi.port: \"" + name + "\": " + error.message() +
-                       "; give the emulator a new name with --set device.hapi.port=/tmp/NAME");
+      throw SetupError(setting + ": \"" + name + "\": " + error.message() +
+                       "; give the emulator a new name with " + remedy);
     }
   }
   ~TerminalLink() {
@@ -63,6 +67,7 @@ class TerminalLink {
 struct EmulateCommand {
   SessionOptions session;
   std::string side;
+  std::string leader;
   std::vector<std::string> faults;
   double seconds = 0.0;
   bool is_let_go = false;
@@ -70,6 +75,11 @@ struct EmulateCommand {
 
   void add_to(CLI::App& app) {
     session.add_to(app);
+    app.get_option("SESSION")->required(false);
+    app.add_option("--leader", leader,
+                   "instead of a session's device: a leader arm of seven Dynamixel servos, as a "
+                   "serial port of this name, such as /tmp/leader")
+        ->type_name("PORT");
     add_side_option(app, side);
     app.add_option("--fault", faults,
                    fmt::format("KIND@SECONDS:MILLISECONDS, a fault of the wire, such as "
@@ -86,6 +96,10 @@ struct EmulateCommand {
   }
 
   int run(const Verbosity& verbosity) const {
+    if (!leader.empty()) return emulate_leader();
+    if (session.file.empty()) {
+      throw SetupError("emulate: what? Give a SESSION, or --leader PORT for a leader arm");
+    }
     const Session whole = with_only_side(session.load(verbosity), side);
     const Side& emulated = whole.side();
     std::vector<device::PlannedFault> planned;
@@ -124,7 +138,8 @@ struct EmulateCommand {
   int emulate(const HapiConfig& hapi, const Session& whole, const Faults& planned) const {
     Stand stand(whole, hand_of(whole), whole.side().simulated, kEmulatedWatchdog, planned);
     device::HapiEmulator emulator(stand.device, hapi);
-    const TerminalLink link(emulator.port(), hapi.port);
+    const TerminalLink link(emulator.port(), hapi.port, "device.hapi.port",
+                            "--set device.hapi.port=/tmp/NAME");
     return serve(emulator, whole, stand.device, hapi.port);
   }
   int emulate(const FalconConfig& falcon, const Session& whole, const Faults& planned) const {
@@ -145,6 +160,36 @@ struct EmulateCommand {
                      "\"; emulators are of haply_inverse, hapi, falcon and wooden");
   }
 
+  /// Servos on a bus, and a hand that leads the arm to and fro. No session has such a device.
+  int emulate_leader() const {
+    if (!session.file.empty() || !session.overrides.empty() || !side.empty()) {
+      throw SetupError(
+          "--leader: the arm is not a session's device; leave SESSION, --set and "
+          "--side out");
+    }
+    device::BusEmulation bus{.servos = device::seven_servos(),
+                             .hand = is_let_go ? device::JointHand() : device::leading_hand(),
+                             .faults = {},
+                             .bits_per_second = 0};
+    for (const std::string& fault : faults) {
+      bus.faults.push_back(device::parse_fault(fault, "dynamixel"));
+    }
+    const SteadyClock clock;
+    device::DynamixelEmulator emulator(std::move(bus), clock, 1);
+    const TerminalLink link(emulator.port(), leader, "--leader", "--leader /tmp/NAME");
+    serve_until_stopped(
+        emulator,
+        RealtimeConfig{
+            .priority = has_no_realtime ? 0 : 60, .cpu = -1, .wait = WaitStrategy::kBlock},
+        leader);
+    const double after_s = emulator.now_s() - emulator.torque_until_s();
+    say(
+        fmt::format("emulated leader: {} messages, least true energy {}, no torque for the last "
+                    "{:.3f} s",
+                    emulator.messages(), energy_text(emulator.least_energy_joule()), after_s));
+    return 0;
+  }
+
   /// The encoders of the emulated legs or motors round, not the simulated device.
   static SimulatedDeviceConfig exact(const Session& whole) {
     SimulatedDeviceConfig simulated = whole.side().simulated;
@@ -161,12 +206,12 @@ struct EmulateCommand {
   }
 
   template <class Emulator>
-  int serve(Emulator& emulator, const Session& whole, device::EmulatedDevice& device,
-            const std::string& address) const {
+  void serve_until_stopped(Emulator& emulator, const RealtimeConfig& realtime,
+                           const std::string& address) const {
     const StopSignal signal;
     say("emulates the device at " + address);
     std::jthread server([&](const std::stop_token& stop) {
-      say("event=realtime " + enter_realtime(realtime_of(whole)).text);
+      say("event=realtime " + enter_realtime(realtime).text);
       emulator.run(stop);
     });
     const auto begin = std::chrono::steady_clock::now();
@@ -177,6 +222,12 @@ struct EmulateCommand {
     }
     server.request_stop();
     server.join();
+  }
+
+  template <class Emulator>
+  int serve(Emulator& emulator, const Session& whole, device::EmulatedDevice& device,
+            const std::string& address) const {
+    serve_until_stopped(emulator, realtime_of(whole), address);
     const std::vector<device::FaultOutcome> outcomes = device.outcomes();
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
       if (device.now_s() < outcomes[i].fault.from_s) {

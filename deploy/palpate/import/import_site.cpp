@@ -99,8 +99,8 @@ std::string missing_report(const scan::LabelMap& map, const Vector3& moved_m, co
   }
   if (beyond_m <= cell_m) return "";
   return text_of(
-      "  WARNING: the mesh ends %.0f mm before the voxels do: what is thinner than a cell "
-      "is missing; give a smaller --cell-mm, or more --tetrahedra\n",
+      "  WARNING: the mesh ends %.0f mm before the voxels do: what is thinner than a cell, or "
+      "than a slice of the scan, is missing; give a smaller --cell-mm, or more --tetrahedra\n",
       1e3 * beyond_m);
 }
 

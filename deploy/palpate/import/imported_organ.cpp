@@ -9,10 +9,10 @@
 
 #include "common/contact/bounds.h"
 #include "common/core/check.h"
-#include "common/core/user/nearest.h"
 #include "common/core/user/temp_folder.h"
 #include "common/session/materials.h"
 #include "common/session/session_file.h"
+#include "deploy/palpate/import/chosen_segments.h"
 #include "deploy/palpate/import/import_site.h"
 #include "deploy/palpate/import/import_text.h"
 #include "deploy/palpate/import/solve_speed.h"
@@ -29,29 +29,6 @@ constexpr double kHeldShare = 0.2;      // of the height, from below
 constexpr std::uint64_t kManyVoxels = 5000;
 constexpr std::size_t kMostLabels = 1000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-
-std::vector<std::uint32_t> segments_named(const scan::LabelMap& map,
-                                          const std::vector<std::string>& names,
-                                          const char* option) {
-  std::vector<std::uint32_t> found;
-  std::vector<std::string> known;
-  for (const scan::Segment& segment : map.segments) known.push_back(segment.name);
-  for (const std::string& name : names) {
-    const auto at = std::find_if(
-        map.segments.begin(), map.segments.end(),
-        [&](const scan::Segment& s) { return s.name == name || std::to_string(s.value) == name; });
-    if (at == map.segments.end()) {
-      const std::string meant = nearest(name, known);
-      throw SetupError(
-          std::string(option) + " " + name + ": the label map has no such label; " +
-          (meant.empty() ? "without -o its labels are listed" : "did you mean \"" + meant + "\"?"));
-    }
-    found.push_back(static_cast<std::uint32_t>(at - map.segments.begin()));
-  }
-  std::sort(found.begin(), found.end());
-  found.erase(std::unique(found.begin(), found.end()), found.end());
-  return found;
-}
 
 bool is_in(const std::vector<std::uint32_t>& segments, std::uint32_t segment) {
   return std::find(segments.begin(), segments.end(), segment) != segments.end();
@@ -106,7 +83,8 @@ class Import {
       if (!is_too_soft || gravity_.isZero(0.0)) throw;
       gravity_.setZero();
       result.files[kImportedSession] = session();
-      body = checked(result.files) + "\n  WARNING: without gravity: " + physics::kNoUnloadedShape;
+      body = checked(result.files) + "\n  WARNING: without gravity: " + physics::kNoUnloadedShape +
+             "; another --tetrahedra may have one";
     }
     result.files[kImportedSession] = session();  // with the solve rate
     result.report = report() + "\nAs the session uses it\n  " + body + "\n";

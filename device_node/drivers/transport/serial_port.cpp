@@ -2,10 +2,13 @@
 #include "device_node/drivers/transport/serial_port.h"
 
 #include <fcntl.h>
+#include <linux/serial.h>
 #include <sys/ioctl.h>
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
@@ -25,6 +28,23 @@ void make_raw(int terminal) {
   settings.c_cc[VTIME] = 0;
   tcsetattr(terminal, TCSANOW, &settings);
 }
+
+struct Speed {
+  unsigned bits_per_second;
+  speed_t code;
+};
+constexpr std::array<Speed, 12> kSpeeds{{{9'600, B9600},
+                                         {57'600, B57600},
+                                         {115'200, B115200},
+                                         {230'400, B230400},
+                                         {460'800, B460800},
+                                         {500'000, B500000},
+                                         {921'600, B921600},
+                                         {1'000'000, B1000000},
+                                         {2'000'000, B2000000},
+                                         {3'000'000, B3000000},
+                                         {3'500'000, B3500000},
+                                         {4'000'000, B4000000}}};
 
 /// Moves all bytes with `move(from, size)`, which returns what it moved.
 template <class Move>
@@ -69,6 +89,32 @@ SerialPort::SerialPort(int terminal) : terminal_(terminal) {
 }
 
 SerialPort::~SerialPort() { ::close(terminal_); }
+
+void SerialPort::set_speed(unsigned bits_per_second) {
+  const auto* known = std::find_if(kSpeeds.begin(), kSpeeds.end(), [&](const Speed& speed) {
+    return speed.bits_per_second == bits_per_second;
+  });
+  if (known == kSpeeds.end()) {
+    std::string text =
+        std::to_string(bits_per_second) + " bit/s is no speed of a serial line; give";
+    for (const Speed& speed : kSpeeds) text += " " + std::to_string(speed.bits_per_second);
+    throw std::runtime_error(text);
+  }
+  termios settings{};
+  bool is_set = tcgetattr(terminal_, &settings) == 0 && cfsetspeed(&settings, known->code) == 0 &&
+                tcsetattr(terminal_, TCSANOW, &settings) == 0;
+  is_set = is_set && tcgetattr(terminal_, &settings) == 0 && cfgetospeed(&settings) == known->code;
+  if (!is_set) {
+    throw std::runtime_error("the serial line refuses " + std::to_string(bits_per_second) +
+                             " bit/s: its adapter does not have that speed");
+  }
+  // FTDI adapters keep what they receive for 16 ms otherwise; others do not know it
+  serial_struct adapter{};
+  if (ioctl(terminal_, TIOCGSERIAL, &adapter) == 0) {
+    adapter.flags = static_cast<int>(static_cast<unsigned>(adapter.flags) | ASYNC_LOW_LATENCY);
+    static_cast<void>(ioctl(terminal_, TIOCSSERIAL, &adapter));
+  }
+}
 
 Transfer SerialPort::write(std::span<const std::byte> bytes, Duration within) noexcept {
   return transfer_all(terminal_, POLLOUT, bytes.size(), within,

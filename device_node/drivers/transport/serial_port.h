@@ -22,6 +22,10 @@ class SerialPort {
   SerialPort(const SerialPort&) = delete;
   SerialPort& operator=(const SerialPort&) = delete;
 
+  /// Bits a second, and the adapter's latency as low as it goes.
+  /// @throws std::runtime_error  the line cannot have it; says which speeds there are
+  void set_speed(unsigned bits_per_second);
+
   [[nodiscard]] Transfer write(std::span<const std::byte> bytes, Duration within) noexcept;
   /// Fills `bytes`, or fails.
   [[nodiscard]] Transfer read(std::span<std::byte> bytes, Duration within) noexcept;

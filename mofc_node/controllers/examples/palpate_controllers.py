@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The structs and functions of palpate_controllers.h for ctypes."""
+"""The structs and functions of palpate_controllers.h and palpate_leader.h for ctypes."""
 
 from ctypes import (CDLL, CFUNCTYPE, POINTER, Structure, byref, c_char_p, c_double, c_int, c_size_t,
-                    c_void_p, pointer)
+                    c_uint, c_ulonglong, c_void_p, create_string_buffer, pointer)
 
 Vector3 = c_double * 3
 Numbers = POINTER(c_double)  # a callback gets a pointer where C says double[3]; Vector3 would be by value
@@ -108,6 +108,99 @@ class JointClamp:
             self._ports = None
 
 
+class LeaderJoint(Structure):
+    """One servo on a Dynamixel bus and the joint that it drives: palpate_leader.h."""
+    _fields_ = [("id", c_int), ("sign", c_double), ("offset_rad", c_double), ("gear", c_double),
+                ("torque_newton_m_per_ampere", c_double), ("current_limit_ampere", c_double),
+                ("lowest_rad", c_double), ("highest_rad", c_double),
+                ("fastest_rad_per_s", c_double), ("play_rad", c_double)]
+
+    def __init__(self, id, **values):
+        defaults = {"sign": 1.0, "gear": 1.0, "lowest_rad": -1.5, "highest_rad": 1.5,
+                    "fastest_rad_per_s": 6.0}
+        super().__init__(id=id, **{**defaults, **values})
+
+
+class LeaderSettings(Structure):
+    _fields_ = [("port", c_char_p), ("bits_per_second", c_uint), ("watchdog_units", c_int),
+                ("answer_limit_s", c_double), ("longest_delay_s", c_double),
+                ("longest_cycle_s", c_double), ("may_write_eeprom", c_int)]
+
+
+class LeaderReading(Structure):
+    _fields_ = [("position_rad", Efforts), ("velocity_rad_per_s", Efforts),
+                ("current_ampere", Efforts), ("elapsed_s", c_double), ("is_known", c_int),
+                ("repeated", c_ulonglong)]
+
+
+class LeaderFault(RuntimeError):
+    """The arm is limp; the text says which joint, and why. Make a new DynamixelLeader."""
+
+
+class DynamixelLeader:
+    """A motorised leader arm on a Dynamixel bus, limp until enable(). Never run on hardware."""
+
+    def __init__(self, library, joints, port, **settings):
+        """joints: a LeaderJoint each. settings: of LeaderSettings."""
+        self._library, self._handle = library, None
+        values = {"bits_per_second": 1_000_000, "watchdog_units": 1, "answer_limit_s": 0.010,
+                  "longest_delay_s": 0.006, "longest_cycle_s": 0.020, **settings}
+        error = create_string_buffer(400)
+        self._handle = library.palpate_leader_open(
+            (LeaderJoint * len(joints))(*joints), len(joints),
+            byref(LeaderSettings(port=port.encode(), **values)), error, len(error))
+        if not self._handle:
+            raise LeaderFault(error.value.decode())
+        self.count = len(joints)
+        self.lease_s = library.palpate_leader_lease_s(self._handle)
+        self.description = library.palpate_leader_description(self._handle).decode()
+        self._torque, self._made = Efforts(), Efforts()
+
+    def resolution_rad(self, joint):
+        """That of the clamp's port."""
+        return self._library.palpate_leader_resolution_rad(self._handle, joint)
+
+    def largest_torque_newton_m(self, joint):
+        return self._library.palpate_leader_largest_torque_newton_m(self._handle, joint)
+
+    def _check(self, is_good):
+        if not is_good:
+            raise LeaderFault(self._library.palpate_leader_error(self._handle).decode())
+
+    def enable(self):
+        """The person holds the arm. From now on each servo's watchdog counts."""
+        self._check(self._library.palpate_leader_enable(self._handle))
+
+    def read(self):
+        """Returns (angles in rad, elapsed_s, is_known), as JointClamp.step() wants them."""
+        reading = LeaderReading()
+        self._check(self._library.palpate_leader_read(self._handle, byref(reading)))
+        return reading.position_rad[: self.count], reading.elapsed_s, bool(reading.is_known)
+
+    def write(self, torque):
+        """Returns what the motors make of it, in N·m: 0 before enable()."""
+        self._torque[: self.count] = torque
+        self._check(self._library.palpate_leader_write(self._handle, self._torque, self._made))
+        return self._made[: self.count]
+
+    def release(self):
+        """Current 0, then torque off."""
+        self._library.palpate_leader_release(self._handle)
+
+    def close(self):
+        if self._handle:
+            self._library.palpate_leader_close(self._handle)
+            self._handle = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    __del__ = close
+
+
 def load(path):
     library = CDLL(path)
     library.palpate_controller_create.argtypes = [c_char_p]
@@ -124,4 +217,19 @@ def load(path):
     library.palpate_ports_step.argtypes = [c_void_p, POINTER(PortInput), POINTER(PortOutput)]
     library.palpate_ports_destroy.argtypes = [c_void_p]
     library.palpate_ports_destroy.restype = None
+    library.palpate_leader_open.argtypes = [POINTER(LeaderJoint), c_size_t, POINTER(LeaderSettings),
+                                            c_char_p, c_size_t]
+    library.palpate_leader_open.restype = c_void_p
+    library.palpate_leader_read.argtypes = [c_void_p, POINTER(LeaderReading)]
+    library.palpate_leader_write.argtypes = [c_void_p, Numbers, Numbers]
+    for name in ("enable", "release", "close", "error", "description", "lease_s"):
+        getattr(library, f"palpate_leader_{name}").argtypes = [c_void_p]
+    for name in ("release", "close"):
+        getattr(library, f"palpate_leader_{name}").restype = None
+    for name in ("error", "description"):
+        getattr(library, f"palpate_leader_{name}").restype = c_char_p
+    for name in ("resolution_rad", "largest_torque_newton_m"):
+        getattr(library, f"palpate_leader_{name}").argtypes = [c_void_p, c_size_t]
+        getattr(library, f"palpate_leader_{name}").restype = c_double
+    library.palpate_leader_lease_s.restype = c_double
     return library

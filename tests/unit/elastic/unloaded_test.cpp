@@ -151,6 +151,23 @@ TEST(UnloadedShape, InASessionTheBodyStartsWithTheShapeOfTheScanAndAFinerMeshHas
   EXPECT_NEAR(newton[0], newton[1], 0.1 * newton[1]);
 }
 
+// It would be the shape of the scan, on a ridge from which the body buckles.
+TEST(UnloadedShape, OneThatIsNotStableIsRefused) {
+  const TempFolder folder;
+  const ScannedBlock session(folder, 3,
+                             {.young_pa = 2000.0,
+                              .gravity_m_per_s2 = {0, 0, -9.81},
+                              .scan_gravity_m_per_s2 = {0, 0, -9.81}});
+  try {
+    (void)physics::elastic_bodies_of(session.scene);
+    FAIL();
+  } catch (const SetupError& error) {
+    const std::string text = error.what();
+    EXPECT_NE(text.find(physics::kNoUnloadedShape), std::string::npos);
+    EXPECT_NE(text.find("not stable"), std::string::npos) << text;
+  }
+}
+
 TEST(UnloadedShape, ASessionWhoseBodyIsTooSoftIsRefusedWithWhatToDo) {
   const TempFolder folder;
   const ScannedBlock session(folder, 3,

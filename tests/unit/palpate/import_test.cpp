@@ -262,6 +262,19 @@ TEST(Import, OfApartBodiesOnlyTheLargestIsMeshedAndTouched) {
   }
 }
 
+TEST(Import, AValueThatTwoSegmentsShareIsNoChoice) {
+  scan::LabelMap map = two_kidneys();
+  map.segments[1].value = map.segments[0].value;
+  map.segments[1].layer = 1;
+  const std::string value = std::to_string(map.segments[0].value);
+  try {
+    (void)imported_organ(std::move(map), {.labels = {value}}, "a.nii.gz");
+    FAIL();
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("--label " + value), HasSubstr("give a name")));
+  }
+}
+
 TEST(Import, LongAndSimilarNamesGiveFilesOfTheirOwn) {
   if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
   scan::LabelMap map = patient();
