@@ -162,7 +162,7 @@ Path blade_path() {
       .scene = load_session(test::source_dir() + "/deploy/sessions/tools/incision.txtpb").scene,
       .tip_m = {},
       .seconds = (kWay_m + kBack_m) / kSpeed_m_per_s + kRest_s};
-  path.tip_m = [](double time_s) {
+  path.tip_m = [=](double time_s) {
     const double in_m = std::min(kWay_m, kSpeed_m_per_s * time_s);
     const double back_m = std::max(0.0, kSpeed_m_per_s * (time_s - kRest_s) - kWay_m);
     return Vector3(kFrom_m + in_m - back_m, 0.001, -0.008);
