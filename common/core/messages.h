@@ -116,22 +116,26 @@ struct ToolMotion {
   std::optional<GripReport> grip{};  ///< none: nothing is held, or physics' own slip counts
 };
 
-/// How a needle yields along its hole (contact/elastic/grip.h). Its depth is slip_m · inward.
+/// How a needle yields along its hole, or a blade along its cut (contact/elastic/grip.h). Its depth
+/// is slip_m · inward.
 struct NeedleLaw {
   Vector3 inward_world = Vector3::Zero();  ///< unit, of the insertion; zero: no needle but jaws
   double cutting_newton = 0.0;             ///< deeper than `deepest_m`
   double spreading_newton = 0.0;           ///< inward
   double friction_newton_per_m = 0.0;      ///< both ways, by depth
   double deepest_m = 0.0;                  ///< where the hole ends, ≥ 0
+  Vector3 edge_world = Vector3::Zero();    ///< unit, across `inward_world`; zero: not a blade
+  double friction_newton = 0.0;            ///< both ways, whatever the depth, and along the edge
 
   [[nodiscard]] bool is_there() const noexcept { return !inward_world.isZero(0.0); }
+  [[nodiscard]] bool is_blade() const noexcept { return !edge_world.isZero(0.0); }
 };
 
-/// How the jaws of a tool, or a needle, hold a tissue. With a_ref = reference − slip_m, the force
-/// on the tool is f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
+/// How the jaws of a tool, a needle or a blade hold a tissue. With a_ref = reference − slip_m, the
+/// force on the tool is f₀ + K (a − a_ref) at a = tool − slip, whoever moved which of the two.
 struct Grip {
   std::uint32_t number = 0;          ///< another one with every closing; 0: nothing is held
-  std::uint32_t buttons = 0;         ///< the jaws are open unless all of these are held; 0: needle
+  std::uint32_t buttons = 0;         ///< the jaws are open unless all of these are held; 0: no jaws
   double slip_newton = 0.0;          ///< > 0; a larger force slips
   double tear_newton = 0.0;          ///< > 0; a larger force tears: the jaws lose the tissue
   double reach_m = 0.0;              ///< > 0; having slipped farther it is out of the jaws

@@ -53,16 +53,16 @@ struct ElasticMaterial {
     double poisson_ratio = 0.0;
     double density_kg_per_m3 = 0.0;
   };
-  /// How a needle goes into it (docs/grasping.md).
+  /// How a needle goes into it, or a blade cuts it (docs/grasping.md).
   struct Pierced {
     /// Of the last of `parts` that contains the tip.
     struct Tougher {
       RegionGeometry where{};
       double toughness_joule_per_m2 = 0.0;
     };
-    double toughness_joule_per_m2 = 0.0;  ///< of what is cut: crack width × way
+    double toughness_joule_per_m2 = 0.0;  ///< of what is cut: width or edge × way
     double spreading_ratio = 0.0;         ///< of the force that spreads to the one that cuts
-    double friction_newton_per_m = 0.0;   ///< along the needle, by depth
+    double friction_newton_per_m = 0.0;   ///< by the length of needle or edge in it
     double membrane_newton = 0.0;         ///< force on the tip that punctures the surface; 0: none
     std::vector<Tougher> parts{};
 
@@ -103,7 +103,7 @@ struct ElasticMaterial {
   double solve_rate_hz = 50.0;
   bool is_linear = false;  ///< elements as in the file; else made quadratic
   double friction_coefficient = 0.0;
-  std::optional<Pierced> pierced{};  ///< none: no needle goes in
+  std::optional<Pierced> pierced{};  ///< none: no needle or blade goes in
 };
 
 using Material = std::variant<KelvinVoigtMaterial, ElasticMaterial>;
@@ -115,8 +115,8 @@ struct TissueConfig {
   TissueMotionConfig motion{};
 };
 
-/// Jaws at the tip that hold elastic tissue (docs/grasping.md), or a needle that does, along which
-/// the tissue slips by another law.
+/// Jaws at the tip that hold elastic tissue (docs/grasping.md), or a needle or blade that does,
+/// along which the tissue slips by another law.
 struct GripperConfig {
   std::uint32_t button = 0;                ///< the jaws are closed while it is held
   double reach_m = 0.0;                    ///< from the centre of the tip
@@ -125,9 +125,14 @@ struct GripperConfig {
   double jaw_newton = 10.0;                ///< with which they press, both together
   double friction_coefficient = 0.5;       ///< slips above μ · jaw_newton
   double tear_newton = 8.0;                ///< the tissue is lost above
-  double needle_width_m = 0.0;             ///< > 0: a needle; button, jaws and tear do not count
+  /// > 0: a needle, or a blade, of which this much is pressed in first; button, jaws and tear do
+  /// not count
+  double needle_width_m = 0.0;
+  double blade_length_m = 0.0;              ///< of its edge; 0: not a blade
+  Vector3 blade_facing = Vector3::UnitX();  ///< unit, of the tool frame, without z
 
   [[nodiscard]] bool is_needle() const noexcept { return needle_width_m > 0.0; }
+  [[nodiscard]] bool is_blade() const noexcept { return blade_length_m > 0.0; }
   [[nodiscard]] double slip_newton() const noexcept { return friction_coefficient * jaw_newton; }
 };
 
@@ -135,6 +140,15 @@ struct GripperConfig {
 struct NeedleConfig {
   double width_m = 0.0;                    ///< of the crack that it cuts
   double reach_m = 0.0;                    ///< of the points that it holds, from its tip
+  std::uint32_t most_points = 64;          ///< of the surface
+  double stiffness_newton_per_m = 2000.0;  ///< with which it holds them, all together
+};
+
+/// A blade: its edge goes from the tip along +z of the tool frame (docs/grasping.md).
+struct BladeConfig {
+  double length_m = 0.0;                   ///< of the edge
+  Vector3 facing = Vector3::UnitX();       ///< unit, of the tool frame, without z: where it cuts
+  double reach_m = 0.0;                    ///< of the points that it holds, from its edge
   std::uint32_t most_points = 64;          ///< of the surface
   double stiffness_newton_per_m = 2000.0;  ///< with which it holds them, all together
 };
@@ -155,11 +169,20 @@ struct SceneConfig {
   double shaft_radius_m = 0.0;
   std::optional<GripperConfig> gripper{};
   std::optional<NeedleConfig> needle{};  ///< not with a gripper
+  std::optional<BladeConfig> blade{};    ///< not with one of these
   std::optional<ElectrodeConfig> electrode{};
   std::vector<TissueConfig> tissues;
 
-  /// What holds elastic tissue: gripper or needle.
+  /// What holds elastic tissue: gripper, needle or blade.
   [[nodiscard]] std::optional<GripperConfig> holder() const {
+    if (blade) {
+      return GripperConfig{.reach_m = blade->reach_m,
+                           .most_points = blade->most_points,
+                           .stiffness_newton_per_m = blade->stiffness_newton_per_m,
+                           .needle_width_m = std::min(blade->length_m, 2.0 * tip_radius_m),
+                           .blade_length_m = blade->length_m,
+                           .blade_facing = blade->facing};
+    }
     if (!needle) return gripper;
     return GripperConfig{.reach_m = needle->reach_m,
                          .most_points = needle->most_points,
@@ -178,10 +201,11 @@ struct SceneConfig {
                      [](const auto& one) { return one.toughness_joule_per_m2 > 0.0; });
 }
 
-/// What has been ablated or torn can come back.
+/// What has been ablated, cut or torn can come back.
 [[nodiscard]] inline bool is_restorable(const SceneConfig& scene, const TissueConfig& tissue) {
-  return can_tear(tissue) ||
-         (scene.electrode && std::holds_alternative<ElasticMaterial>(tissue.material));
+  const auto* const elastic = std::get_if<ElasticMaterial>(&tissue.material);
+  return elastic != nullptr &&
+         (can_tear(tissue) || scene.electrode.has_value() || (scene.blade && elastic->pierced));
 }
 
 /// Thins hop 3: an Interaction is sent when the receiver's force is off, or after `keep_alive`.

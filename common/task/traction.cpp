@@ -87,6 +87,7 @@ void Traction::note_change(double t_s) {
     case GripState::kSlips:
     case GripState::kPierced:
     case GripState::kPierces:
+    case GripState::kCuts:
       break;
   }
 }

@@ -186,7 +186,8 @@ EventLog<PhysicsCounters>::EventLog(spdlog::logger& log)
       loose_(log, spdlog::level::warn, "tissue_cut_off"),
       refused_(log, spdlog::level::warn, "ablation_refused"),
       restored_(log, spdlog::level::info, "tissue_restored"),
-      torn_(log, spdlog::level::info, "attachment_torn") {}
+      torn_(log, spdlog::level::info, "attachment_torn"),
+      cut_(log, spdlog::level::info, "tissue_cut") {}
 
 void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint now) {
   tool_motion_.note(counters.tool_motion, now);
@@ -197,6 +198,7 @@ void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint 
   refused_.note(counters.elastic_bodies_refused, now);
   restored_.note(counters.elastic_bodies_restored, now);
   torn_.note(counters.elastic_attachments_torn, now);
+  cut_.note(counters.elastic_faces_cut, now);
 }
 
 }  // namespace palpate

@@ -130,6 +130,7 @@ class EventLog<PhysicsCounters> {
   GrowthEvent refused_;
   GrowthEvent restored_;
   GrowthEvent torn_;
+  GrowthEvent cut_;
 };
 
 }  // namespace palpate

@@ -22,22 +22,23 @@ enum class MofcState : std::uint8_t {
 };
 [[nodiscard]] const char* name(MofcState state);
 
-/// What the jaws of the tool do, or a needle. What is lost stays so until they open or take hold
-/// again.
+/// What the jaws of the tool do, a needle or a blade. What is lost stays so until they open or take
+/// hold again.
 enum class GripState : std::uint8_t {
   kNone = 0,     ///< hold nothing
   kHolds = 1,    ///< hold a tissue
   kSlips = 2,    ///< hold it, and it slipped in this tick
   kTorn = 3,     ///< lost it: the force was above tear_newton
   kSlipped = 4,  ///< lost it: it slipped out
-  kPierced = 5,  ///< a needle is in a tissue, and moves with it
-  kPierces = 6,  ///< it goes in or out
+  kPierced = 5,  ///< a needle or a blade is in a tissue, and moves with it
+  kPierces = 6,  ///< a needle goes in or out
+  kCuts = 7,     ///< a blade moves in the tissue
 };
 [[nodiscard]] constexpr bool is_holding(GripState grip) noexcept {
   return grip == GripState::kHolds || grip == GripState::kSlips;
 }
 [[nodiscard]] constexpr bool is_pierced(GripState grip) noexcept {
-  return grip == GripState::kPierced || grip == GripState::kPierces;
+  return grip == GripState::kPierced || grip == GripState::kPierces || grip == GripState::kCuts;
 }
 
 /// One answer of mofc_node.
@@ -89,7 +90,7 @@ struct MofcCounters {
   std::uint64_t grips = 0;          ///< closings that took hold of a tissue
   std::uint64_t grips_torn = 0;     ///< of these, ended by a force above tear_newton
   std::uint64_t grips_slipped = 0;  ///< ended because the tissue had slipped out
-  std::uint64_t punctures = 0;      ///< with scene.tool.needle: insertions into a tissue
+  std::uint64_t punctures = 0;      ///< with scene.tool.needle or blade: insertions into a tissue
 
   /// Of the session so far; NaN while there was no force.
   [[nodiscard]] double transparency() const noexcept {

@@ -72,6 +72,8 @@ struct PhysicsCounters {
   std::uint64_t elastic_bodies_restored = 0;      ///< made whole again at a viewer's request
   std::uint64_t elastic_attachments_torn = 0;     ///< nodes torn off what they were attached to
   double elastic_torn_joule = 0.0;                ///< what tearing has taken
+  std::uint64_t elastic_faces_cut = 0;            ///< between elements, that blades have separated
+  double elastic_cut_joule = 0.0;                 ///< toughness × area that blades have swept
   Duration worst_compute_time{};
 };
 

@@ -265,7 +265,9 @@ nlohmann::ordered_json elastic_json(const PhysicsCounters& physics) {
           {"elements_loose", physics.elastic_elements_loose},
           {"bodies_restored", physics.elastic_bodies_restored},
           {"attachments_torn", physics.elastic_attachments_torn},
-          {"torn_joule", physics.elastic_torn_joule}};
+          {"torn_joule", physics.elastic_torn_joule},
+          {"faces_cut", physics.elastic_faces_cut},
+          {"cut_joule", physics.elastic_cut_joule}};
 }
 
 std::string elastic_text(const PhysicsCounters& physics) {
@@ -289,6 +291,10 @@ std::string elastic_text(const PhysicsCounters& physics) {
   if (physics.elastic_torn_joule > 0.0) {
     text += fmt::format("; tore {} points off with {:.2g} mJ", physics.elastic_attachments_torn,
                         1e3 * physics.elastic_torn_joule);
+  }
+  if (physics.elastic_cut_joule > 0.0) {
+    text += fmt::format("; cut {} faces with {:.2g} mJ", physics.elastic_faces_cut,
+                        1e3 * physics.elastic_cut_joule);
   }
   if (physics.elastic_bodies_restored > 0) {
     text += fmt::format("; restored {} times", physics.elastic_bodies_restored);

@@ -156,6 +156,11 @@ void PhysicsTamperer::lie_about_grip(Interaction& interaction, double t_s) {
     grip_lie_.needle.inward_world += 2.0 * Vector3::UnitX();
     if (random.chance(0.5)) grip_lie_.needle.inward_world *= -1.0;
     grip_lie_.needle.inward_world.normalize();
+    if (grip_lie_.needle.cutting_newton > 1.0) {  // a blade
+      grip_lie_.needle.edge_world =
+          grip_lie_.needle.inward_world.cross(Vector3::UnitY()).normalized();
+      grip_lie_.needle.friction_newton = grip_lie_.needle.spreading_newton;
+    }
   }
   Contact& contact = interaction.contacts[0];
   if (interaction.listed_count == 0 || contact.grip.number == 0) {

@@ -56,9 +56,9 @@ std::vector<std::string> material_lines(const ElasticMaterial& material) {
   return lines;
 }
 
-/// How many points of an elastic tissue jaws or a needle take; a warning too, if that is none in
-/// places.
-/// @param kind  gripper, needle
+/// How many points of an elastic tissue jaws, a needle or a blade take; a warning too, if that is
+/// none in places.
+/// @param kind  gripper, needle, blade
 std::vector<std::size_t> points_taken(const physics::ElasticBody& body, const Session& session,
                                       const char* kind, std::vector<std::string>& warnings) {
   const GripperConfig holder = *session.scene.holder();
@@ -95,6 +95,33 @@ std::string needle_line(const physics::ElasticBody& body, const Session& session
       in_newton, std::pow(in_newton / body.hertz_newton, 2.0 / 3.0), cuts, spreads,
       0.01 * body.pierced->friction_newton_per_m, points.front(), points.back(),
       points[points.size() / 2]);
+  return text;
+}
+
+/// What a blade does to an elastic tissue.
+std::string blade_line(const physics::ElasticBody& body, const Session& session,
+                       std::vector<std::string>& warnings) {
+  if (!body.pierced) return "blade: does not cut it, because it is not `pierced`";
+  const std::vector<std::size_t> points = points_taken(body, session, "blade", warnings);
+  if (points.empty()) return "blade: there is no surface";
+  const BladeConfig& blade = *session.scene.blade;
+  const double edge_mm = 1e3 * blade.length_m;
+  const double cuts_per_mm = 1e-3 * body.pierced->toughness_joule_per_m2;
+  const double entering_m = session.scene.holder()->needle_width_m;
+  const double in_newton = std::max(
+      body.pierced->membrane_newton,
+      (1.0 + body.pierced->spreading_ratio) * body.pierced->toughness_joule_per_m2 * entering_m);
+  const elastic::MeshQuality quality = elastic::quality_of(body.body->mesh());
+  char text[400];  // NOLINT: for snprintf
+  std::snprintf(
+      text, sizeof text,
+      "blade: goes in at %.3g N; then cuts with %.3g N, spreads with %.3g N and rubs with "
+      "%.3g N per mm of its edge in the tissue, %.3g mm at most; separates faces between "
+      "elements with edges of %.2g to %.2g mm; holds %zu to %zu points of the surface, "
+      "median %zu",
+      in_newton, cuts_per_mm, body.pierced->spreading_ratio * cuts_per_mm,
+      1e-3 * body.pierced->friction_newton_per_m, edge_mm, 1e3 * quality.shortest_edge_m,
+      1e3 * quality.longest_edge_m, points.front(), points.back(), points[points.size() / 2]);
   return text;
 }
 
@@ -161,6 +188,9 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
       }
       if (session.scene.needle) {
         reports.push_back("  " + needle_line(*body, session, warnings));
+      }
+      if (session.scene.blade) {
+        reports.push_back("  " + blade_line(*body, session, warnings));
       }
       if (session.scene.electrode) {
         reports.push_back("  " + electrode_line(*body, session, warnings));

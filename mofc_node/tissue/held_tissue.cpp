@@ -86,9 +86,11 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   report_->slip_m += slip.slip_m;
   deepest_m_ = grip.needle.deepest_m;
   const bool is_still = slip.slip_m.isZero(0.0);
-  state_ = is_needle  ? is_still ? State::kPierced : State::kPierces
-           : is_still ? State::kHolds
-                      : State::kSlips;
+  const State moving = grip.needle.is_blade() ? State::kCuts
+                       : is_needle            ? State::kPierces
+                                              : State::kSlips;
+  const State still = is_needle ? State::kPierced : State::kHolds;
+  state_ = is_still ? still : moving;
   if (newton.norm() > grip.tear_newton) lose(State::kTorn);
   if (slip.is_out) lose(State::kNone);
   if (!(report_->slip_m.norm() <= grip.reach_m)) lose(State::kSlipped);

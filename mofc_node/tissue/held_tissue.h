@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// held_tissue.h — the force of the tissue in the jaws of the tool, or around a needle, at the
-// device's rate.
+// held_tissue.h — the force of the tissue in the jaws of the tool, around a needle or a blade, at
+// the device's rate.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ namespace palpate::mofc {
 /// whatever hop 3 still says. So delay and loss of messages change the force as little as the
 /// stiffness changes meanwhile.
 ///
-/// A needle has no button: physics_node decides when it goes in. It slips along itself
+/// A needle or a blade has no button: physics_node decides when it goes in. It slips along itself
 /// (slip_of_needle) until it is out.
 ///
 /// F begins at zero, and where a new message has another law the force passes to it with a time
@@ -28,7 +28,16 @@ namespace palpate::mofc {
 class HeldTissue {
  public:
   /// As GripState of the record.
-  enum class State : std::uint8_t { kNone, kHolds, kSlips, kTorn, kSlipped, kPierced, kPierces };
+  enum class State : std::uint8_t {
+    kNone,
+    kHolds,
+    kSlips,
+    kTorn,
+    kSlipped,
+    kPierced,
+    kPierces,
+    kCuts
+  };
 
   /// @param newton_per_s  > 0
   explicit HeldTissue(double newton_per_s) : newton_per_s_(newton_per_s) {}
@@ -77,7 +86,7 @@ class HeldTissue {
   std::uint32_t tissue_ = 0;
   std::uint32_t buttons_ = 0;         // that close the jaws
   std::optional<GripReport> report_;  // of the grip that is listed
-  double deepest_m_ = 0.0;            // of the hole of a needle
+  double deepest_m_ = 0.0;            // of a hole or a cut
   Law law_;
   Vector3 offset_newton_ = Vector3::Zero();  // of the force from the law, still to be undone
 };

@@ -25,12 +25,14 @@ ElasticReference::ElasticReference(std::vector<std::shared_ptr<const ElasticBody
     : whole_(std::move(bodies)), tip_radius_m_(tip_radius_m), step_s_(step_s), gripper_(gripper) {
   for (const auto& body : whole_) {
     One& one = bodies_.emplace_back();
-    one.body = body;
+    one.whole = one.body = body;
+    const bool can_be_cut = gripper_ && gripper_->is_blade() && body->pierced;
     one.simulation = std::make_unique<ElasticSimulation>(*one.body, 1, tip_radius_m, step_s);
     one.stiffness_newton_per_m = elastic_stiffness(one.body->hertz_newton, kHertzDepth_m);
     if (gripper_ || electrode) one.compliance = std::make_shared<BodyCompliance>(one.body);
-    if (electrode) {
-      one.ablation = std::make_unique<Ablation>(one.compliance, *electrode, tip_radius_m, 1, false);
+    if (electrode || can_be_cut) {
+      one.ablation =
+          std::make_unique<Ablation>(one.compliance, electrode, tip_radius_m, 1, false, can_be_cut);
     }
   }
 }
@@ -41,7 +43,7 @@ void ElasticReference::change_body(One& one) const {
   one.simulation =
       std::make_unique<ElasticSimulation>(*next->body(), *one.simulation, next->change, false);
   one.side.change_to(next->body()->shape);
-  one.held.change_body(*one.simulation, 0);
+  one.held.change_body(*one.simulation, 0, gripper_ ? &*gripper_ : nullptr, one.jaw.slip_since_m());
   one.compliance = next->shared;
   one.body = next->body();
 }
@@ -107,6 +109,12 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
     if (!tips[0]) tips[0] = {.tip_m = tip_m, .place_m = tip_m};  // what is held comes along
     tips[0]->slip_m = one.jaw.slip_since_m();
     one.held.prepare(*one.simulation, 0, *gripper_, one.jaw.command(), tips[0]);
+    if (gripper_->is_blade() && one.ablation) {
+      EdgeInTissue edge;
+      sweep_with(one.held, tips[0]->slip_m, *gripper_, *one.whole, 0, *one.ablation, one.sweep,
+                 edge);
+      one.held.set_edge(edge);
+    }
   }
   one.simulation->step(tips);
   if (one.held.model().is_holding()) return hold(one, tip_m);
@@ -136,12 +144,18 @@ void ElasticReference::pierce(One& one) const {
   const bool is_needle = gripper_ && gripper_->is_needle() && one.body->pierced;
   if (!is_needle || one.jaw.is_closed()) return;
   const Piercing::Laws laws{.tissue = *one.body->pierced, .needle = *gripper_};
-  if (!one.piercing.presses(laws, one.full_newton, one.side.place_m(), -Vector3::UnitZ(),
-                            tip_radius_m_)) {
+  const Vector3 inward = gripper_->is_blade() ? gripper_->blade_facing : -Vector3::UnitZ();
+  if (!one.piercing.presses(laws, one.full_newton, one.side.place_m(), inward, tip_radius_m_)) {
     return;
   }
   one.jaw.set(++one.punctures);
-  one.piercing.update(laws, 0.0, one.jaw.start_needle());
+  NeedleLaw& law = one.jaw.start_needle();
+  one.piercing.update(laws, 0.0, law);
+  if (!gripper_->is_blade()) return;
+  const double length_m = gripper_->needle_width_m;
+  fit_blade(laws.tissue,
+            {.length_m = length_m, .newton = laws.tissue.toughness_joule_per_m2 * length_m},
+            Vector3::UnitZ(), law);
 }
 
 void ElasticReference::hold(One& one, const Vector3& tip_m) const {
@@ -153,12 +167,21 @@ void ElasticReference::hold(One& one, const Vector3& tip_m) const {
     one.jaw.begin(one.held.model());
     one.piercing.update({.tissue = *one.body->pierced, .needle = *gripper_}, one.jaw.depth_m(),
                         one.jaw.needle());
+    if (gripper_->is_blade()) {
+      fit_blade(*one.body->pierced, one.held.model().edge, one.jaw.needle().edge_world,
+                one.jaw.needle());
+    }
   }
+  const bool is_through = gripper_->is_blade() && !(one.held.model().edge.length_m > 0.0);
   one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m, velocity,
                                 one.held.model().relaxation_s / step_s_);
   one.rubbing = {};
   one.contact = {};
-  if (!one.jaw.holds(one.held.model())) {
+  if (is_through) {
+    one.full_newton.setZero();
+    one.side = {};
+  }
+  if (is_through || !one.jaw.holds(one.held.model())) {
     if (!is_needle) return;
     one.piercing.leave(one.jaw.needle());
     one.jaw.set(0);

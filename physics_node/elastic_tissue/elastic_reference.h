@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "physics_node/elastic_tissue/ablation/ablation.h"
+#include "physics_node/elastic_tissue/blade/blade_sweep.h"
 #include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
@@ -22,7 +23,9 @@ namespace palpate::physics {
 class ElasticReference {
  public:
   /// @param bodies  may be empty   @param step_s  > 0
-  /// @param gripper, electrode  none: the tool only touches. A needle goes in along −z
+  /// @param gripper, electrode  none: the tool only touches. A needle goes in along −z, a blade
+  /// where
+  ///     it faces in an upright tool
   ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies, double tip_radius_m,
                    double step_s, const std::optional<GripperConfig>& gripper = {},
                    const std::optional<ElectrodeConfig>& electrode = {});
@@ -47,6 +50,7 @@ class ElasticReference {
 
  private:
   struct One {
+    std::shared_ptr<const ElasticBody> whole;
     std::shared_ptr<const ElasticBody> body;
     std::unique_ptr<ElasticSimulation> simulation;
     TipSide side{};
@@ -55,12 +59,13 @@ class ElasticReference {
     Rubbing rubbing{};
     Vector3 full_newton = Vector3::Zero();         // on the tool
     std::shared_ptr<BodyCompliance> compliance{};  // with a gripper or an electrode
-    std::unique_ptr<Ablation> ablation{};          // with an electrode
+    std::unique_ptr<Ablation> ablation{};          // with an electrode or a blade
     Jaw held{};
     SlippingJaw jaw{};
     Vector3 velocity_m_per_s = Vector3::Zero();  // of the tool that holds it, at the last step
     Piercing piercing{};
     std::uint32_t punctures = 0;
+    BladeSweep sweep{};
   };
   [[nodiscard]] Vector3 force_at(const One& one, const Vector3& tip_m) const noexcept;
   void step(One& one, const Vector3& tip_m, double time_s) const;

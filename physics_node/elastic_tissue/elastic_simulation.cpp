@@ -147,6 +147,17 @@ std::size_t ElasticSimulation::hold(std::size_t tool, const Vector3& at_m, doubl
   return held.size();
 }
 
+std::size_t ElasticSimulation::hold_beside(std::size_t tool, const Vector3& at_m,
+                                           const std::array<Vector3, 2>& edge_m, double reach_m,
+                                           std::size_t most, double newton_per_m,
+                                           const Vector3& origin_m) {
+  elastic::HeldPoints& held = tips_.held[tool];
+  held.set_place(at_m);
+  held.take_beside(body_.points, body_.start_m.data(), edge_m, reach_m, most, newton_per_m,
+                   origin_m);
+  return held.size();
+}
+
 double ElasticSimulation::stored_joule() const noexcept {
   double joule = report_.elastic_joule + report_.gravity_joule;
   for (const elastic::HeldPoints& one : tips_.held) {

@@ -71,6 +71,11 @@ class ElasticSimulation {
   /// @param is_as_at_rest  as they lie to each other in the untouched body
   std::size_t hold(std::size_t tool, const Vector3& at_m, double reach_m, std::size_t most,
                    double newton_per_m, bool is_as_at_rest = false);
+  /// The same of the points beside an edge in the untouched body. Where none is, what it held.
+  /// @see elastic::HeldPoints::take_beside
+  std::size_t hold_beside(std::size_t tool, const Vector3& at_m,
+                          const std::array<Vector3, 2>& edge_m, double reach_m, std::size_t most,
+                          double newton_per_m, const Vector3& origin_m);
   /// What it holds lies so much farther from the tool.
   void shift(std::size_t tool, const Vector3& by_m) { tips_.held[tool].shift(by_m); }
   /// The mean way of the points that a tool holds, from the untouched body.
@@ -113,6 +118,7 @@ class ElasticSimulation {
   [[nodiscard]] const elastic::StepReport& report() const noexcept { return report_; }
   [[nodiscard]] const ElasticBody& body() const noexcept { return body_; }
   [[nodiscard]] double step_s() const noexcept { return step_s_; }  ///< of the constructor
+  [[nodiscard]] double tip_radius_m() const noexcept { return tip_radius_m_; }
   /// Steps that failed, since construction.
   [[nodiscard]] std::uint64_t failed_steps() const noexcept { return failed_steps_; }
   /// Of these, those after which the body holds every sphere on the right side.

@@ -71,9 +71,9 @@ ElasticTissue::ElasticTissue(std::shared_ptr<BodyCompliance> shared, std::size_t
     tools_.back()->stiffness_newton_per_m = stiffness_untouched(*body_);
     tools_.back()->surface_of = whole_.get();
   }
-  if (electrode || whole_->can_tear()) {
-    ablation_ =
-        std::make_unique<Ablation>(shared_, electrode, tip_radius_m, tools, is_in_background);
+  if (electrode || whole_->can_tear() || can_be_cut()) {
+    ablation_ = std::make_unique<Ablation>(shared_, electrode, tip_radius_m, tools,
+                                           is_in_background, can_be_cut());
   }
   if (is_folded_) fold();
 }
@@ -304,6 +304,7 @@ void ElasticTissue::solve(double step_s) {
   }
   if (ablation_) change_body(step_s);
   if (gripper_) close_jaws();
+  sweep_blades();
   const bool has_stepped = simulation_->step(tips_, step_s);
   has_moved_ = has_moved_ || has_stepped;
   if (has_stepped) {

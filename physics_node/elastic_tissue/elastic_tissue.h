@@ -24,6 +24,7 @@
 #include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic/condensed/stated_error.h"
 #include "physics_node/elastic_tissue/ablation/ablation.h"
+#include "physics_node/elastic_tissue/blade/blade_sweep.h"
 #include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
@@ -114,7 +115,7 @@ class ElasticTissue {
   }
 
   /// With the next full solution the body is again as in the session, untouched and at rest.
-  /// @pre  an electrode, or it can tear
+  /// @pre  an electrode, or it can tear or be cut
   void restore() noexcept { is_restore_due_ = true; }
 
   // --- the slow thread ---
@@ -134,7 +135,8 @@ class ElasticTissue {
   [[nodiscard]] bool is_fast() const;
   void publish();
   void note_late();
-  /// The body as it is now, of what it is in the session. @pre  an electrode, or it can tear
+  /// The body as it is now, of what it is in the session. @pre  an electrode, or it can tear or
+  /// be cut
   [[nodiscard]] const Ablation& ablation() const { return *ablation_; }
 
   // --- any thread ---
@@ -243,11 +245,13 @@ class ElasticTissue {
     Vector3 jaw_m_per_s = Vector3::Zero();
     bool is_holding = false;
     Piercing piercing{};
-    Vector3 inward = -Vector3::UnitZ();  // of the needle
+    Vector3 inward = -Vector3::UnitZ();  // of the needle or blade
+    Vector3 edge = Vector3::UnitZ();     // of the blade
     bool may_pierce = false;
     std::uint32_t punctures = 0;
     // of the slow thread
     Jaw held{};
+    BladeSweep sweep{};
     bool is_grip_new = false;                // a draft waits to be published
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
     Vector3 slow_tip_m = Vector3::Zero();
@@ -281,6 +285,10 @@ class ElasticTissue {
   void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
   void prepare(std::size_t tool, double step_s);
   [[nodiscard]] bool can_be_pierced() const noexcept;
+  [[nodiscard]] bool can_be_cut() const noexcept;
+  [[nodiscard]] bool is_blade_through(const Tool& own, const GripModel& model) const noexcept;
+  [[nodiscard]] EdgeInTissue entering() const noexcept;
+  void sweep_blades();
   void pierce(Tool& own, const Contact& contact) const noexcept;
   [[nodiscard]] bool stays_in(Tool& own, const GripModel& model) const noexcept;
   [[nodiscard]] std::optional<bool> hold(Tool& own, Contact& contact) const noexcept;

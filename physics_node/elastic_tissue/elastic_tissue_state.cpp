@@ -72,7 +72,9 @@ std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexc
       v_m_per_s -= (own.jaw.slip_m() - before_m) / std::max(kLeastStep_s, own.step_s);
     }
   } else if (is_needle) {
-    v_m_per_s -= v_m_per_s.dot(own.jaw.needle().inward_world) * own.jaw.needle().inward_world;
+    const NeedleLaw& law = own.jaw.needle();
+    v_m_per_s -= v_m_per_s.dot(law.inward_world) * law.inward_world;
+    v_m_per_s -= v_m_per_s.dot(law.edge_world) * law.edge_world;
   }
   if (is_needle && !stays_in(own, *model)) return false;
   if (!own.jaw.holds(*model)) return false;

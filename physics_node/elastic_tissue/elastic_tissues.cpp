@@ -180,7 +180,8 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
   counters.elastic_bodies_remade = counters.elastic_bodies_refused = 0;
   counters.elastic_elements_removed = counters.elastic_elements_loose = 0;
   counters.elastic_bodies_restored = counters.elastic_attachments_torn = 0;
-  counters.elastic_torn_joule = 0.0;
+  counters.elastic_torn_joule = counters.elastic_cut_joule = 0.0;
+  counters.elastic_faces_cut = 0;
   counters.elastic_residual_ratio = 0.0;
   counters.elastic_error_newton = kUnknownNewton;
   for (const auto& tissue : tissues_) {
@@ -199,6 +200,8 @@ void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
     counters.elastic_bodies_restored += figures.ablation.restored;
     counters.elastic_attachments_torn += figures.torn;
     counters.elastic_torn_joule += figures.torn_joule;
+    counters.elastic_faces_cut += figures.ablation.faces_cut;
+    counters.elastic_cut_joule += figures.ablation.cut_joule;
     counters.elastic_bounds_checked += figures.bounds_checked;
     counters.elastic_bound_violations += figures.bound_violations;
     counters.elastic_residual_ratio =

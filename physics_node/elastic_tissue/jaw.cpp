@@ -94,24 +94,55 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   model_ = {.number = command.number};
   if (!tip) return;
   model_.place_m = tip->tip_m - tip->slip_m;
+  if (gripper.is_blade()) {
+    const Vector3 facing = command.inward();
+    blade_ = {.from_m = tip->place_m + simulation.tip_radius_m() * facing,
+              .facing = facing,
+              .along = command.edge(),
+              .length_m = gripper.blade_length_m};
+    const Vector3 way_m = tip->tip_m - tip->place_m;
+    origin_m_ = tip->place_m + way_m - way_m.dot(facing) * facing;
+    deepest_m_ = command.deepest_m;
+    hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m);
+  } else {
+    hold_around(simulation, tool, gripper, command, *tip);
+  }
+  changes_ += model_.points > 0 ? 1U : 0U;
+  closed_joule_ = simulation.stored_joule();
+  lost_joule_ = expected_joule_ = 0.0;
+}
+
+/// The points beside the edge of a blade that has slipped so far.
+void Jaw::hold_beside(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+                      const Vector3& at_m, const Vector3& slip_m) {
+  const Vector3 from_m = blade_.from_m + slip_m;
+  model_.points = static_cast<std::uint32_t>(simulation.hold_beside(
+      tool, at_m, {from_m, from_m + blade_.length_m * blade_.along}, gripper.reach_m,
+      gripper.most_points, gripper.stiffness_newton_per_m, origin_m_));
+}
+
+/// The points around the tip.
+void Jaw::hold_around(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+                      const JawCommand& command, const TipState& tip) {
   const std::size_t points =
-      simulation.hold(tool, tip->tip_m - tip->slip_m, gripper.reach_m, gripper.most_points,
+      simulation.hold(tool, tip.tip_m - tip.slip_m, gripper.reach_m, gripper.most_points,
                       gripper.stiffness_newton_per_m, gripper.is_needle());
   model_.points = static_cast<std::uint32_t>(points);
   if (gripper.is_needle() && points > 0) {
-    const Vector3 way_m = tip->tip_m - tip->place_m - simulation.moved_m(tool);
+    const Vector3 way_m = tip.tip_m - tip.place_m - simulation.moved_m(tool);
     const double deeper_m = way_m.dot(command.inward());
     model_.start_m = std::max(0.0, deeper_m);
     // across it goes in where it would touch the untouched surface, in the next solutions
     across_m_ = way_m - deeper_m * command.inward();
   }
-  changes_ += points > 0 ? 1U : 0U;
-  closed_joule_ = simulation.stored_joule();
-  lost_joule_ = expected_joule_ = 0.0;
 }
 
-void Jaw::change_body(const ElasticSimulation& simulation, std::size_t tool) {
+void Jaw::change_body(ElasticSimulation& simulation, std::size_t tool, const GripperConfig* gripper,
+                      const Vector3& slip_m) {
   if (!model_.is_holding()) return;
+  if (gripper != nullptr && gripper->is_blade()) {
+    hold_beside(simulation, tool, *gripper, simulation.held()[tool].place_m(), slip_m);
+  }
   model_.points = static_cast<std::uint32_t>(simulation.held()[tool].size());
   ++changes_;
   is_body_new_ = true;
@@ -241,6 +272,10 @@ JawCommand SlippingJaw::command() const noexcept {
           .inward_x = needle_.inward_world.x(),
           .inward_y = needle_.inward_world.y(),
           .inward_z = needle_.inward_world.z(),
+          .edge_x = needle_.edge_world.x(),
+          .edge_y = needle_.edge_world.y(),
+          .edge_z = needle_.edge_world.z(),
+          .deepest_m = needle_.deepest_m,
           .slip_x_m = slip.x(),
           .slip_y_m = slip.y(),
           .slip_z_m = slip.z()};

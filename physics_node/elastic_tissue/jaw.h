@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// jaw.h — the jaws of one tool, or a needle, on one elastic body: what they hold in the full
+// jaw.h — the jaws of one tool, a needle or a blade on one elastic body: what they hold in the full
 // solution, and what that leaves to the steps between two solutions.
 #pragma once
 
@@ -13,6 +13,7 @@
 #include "common/session/scene_config.h"
 #include "physics_node/elastic/condensed/stated_error.h"
 #include "physics_node/elastic/grip/held_points.h"
+#include "physics_node/elastic_tissue/blade/blade_place.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 
@@ -23,21 +24,27 @@ struct JawInput {
   bool is_closed = false;                      ///< the button is held
   Vector3 velocity_m_per_s = Vector3::Zero();  ///< of the tool
   std::optional<GripReport> report{};          ///< of mofc_node, to this physics
-  Vector3 inward_world = -Vector3::UnitZ();    ///< where the tip points, unit
+  Vector3 inward_world = -Vector3::UnitZ();    ///< where the tip points, or a blade faces; unit
+  Vector3 edge_world = Vector3::UnitZ();       ///< of a blade, from the tip on; unit
 };
 
 /// What the jaws shall do on one body, as a step of the tool knows it.
 struct JawCommand {
   std::uint32_t number = 0;  ///< of the closing, from 1; 0: never closed
   bool is_closed = false;    ///< around this body, and has not lost it
-  double inward_x = 0.0;     ///< of a needle
+  double inward_x = 0.0;     ///< of a needle or a blade
   double inward_y = 0.0;
   double inward_z = 0.0;
-  double slip_x_m = 0.0;  ///< of the tool since that closing
+  double edge_x = 0.0;  ///< of a blade
+  double edge_y = 0.0;
+  double edge_z = 0.0;
+  double deepest_m = 0.0;  ///< of its cut
+  double slip_x_m = 0.0;   ///< of the tool since that closing
   double slip_y_m = 0.0;
   double slip_z_m = 0.0;
 
   [[nodiscard]] Vector3 inward() const noexcept { return {inward_x, inward_y, inward_z}; }
+  [[nodiscard]] Vector3 edge() const noexcept { return {edge_x, edge_y, edge_z}; }
   [[nodiscard]] Vector3 slip_m() const noexcept { return {slip_x_m, slip_y_m, slip_z_m}; }
 };
 
@@ -76,6 +83,7 @@ struct GripModel {
   /// Of a needle, how deep it was when they closed: its tip was so far below the surface that was
   /// there, less the way of what it holds.
   double start_m = 0.0;
+  EdgeInTissue edge{};  ///< of a blade
   std::vector<Other> others{};
   elastic::StatedError error{};  ///< by the way from `place_m`
 
@@ -109,8 +117,15 @@ class Jaw {
   /// Before a step of the body.
   void prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
                const JawCommand& command, const std::optional<TipState>& tip);
-  /// The body has been replaced by what is left of it: whatever the jaws still hold is held.
-  void change_body(const ElasticSimulation& simulation, std::size_t tool);
+  /// The body has been replaced by what is left of it: whatever the jaws still hold is held. A
+  /// blade takes the points that are beside its edge now.
+  /// @param gripper  null: it holds nothing any more   @param slip_m  since the closing
+  void change_body(ElasticSimulation& simulation, std::size_t tool, const GripperConfig* gripper,
+                   const Vector3& slip_m);
+  /// Of a blade that is in: where it went in, and how far it goes in a cut of before.
+  [[nodiscard]] const BladePlace& blade() const noexcept { return blade_; }
+  [[nodiscard]] double deepest_m() const noexcept { return deepest_m_; }
+  void set_edge(const EdgeInTissue& edge) noexcept { model_.edge = edge; }
   /// After it, and after all tools have been prepared. Makes the stiffness, where the grips of the
   /// body are others than before.
   /// @param step_s    of the step
@@ -148,11 +163,18 @@ class Jaw {
     }
   };
   void let_go(ElasticSimulation& simulation, std::size_t tool);
+  void hold_beside(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+                   const Vector3& at_m, const Vector3& slip_m);
+  void hold_around(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+                   const JawCommand& command, const TipState& tip);
   [[nodiscard]] Measured measure(const ElasticSimulation& simulation, const Seen& now,
                                  double step_s) const;
   void watch_losses(const Seen& now, double beta_s, double step_s);
 
   GripModel model_;
+  BladePlace blade_;
+  Vector3 origin_m_ = Vector3::Zero();  // of a blade, where what it holds has no force
+  double deepest_m_ = 0.0;
   std::vector<Matrix3> stiffness_with_;  // of each tool of the body, at rest
   std::optional<Measured> measured_;
   Vector3 across_m_ = Vector3::Zero();  // that a needle still slides to where it would be at rest

@@ -47,6 +47,10 @@ class SceneTool {
     if (elastic_) {
       JawInput jaw = tool.jaw;
       jaw.inward_world = -shaft_to_handle;
+      if (elastic_->gripper() && elastic_->gripper()->is_blade()) {
+        jaw.inward_world = tool.orientation * elastic_->gripper()->blade_facing;
+        jaw.edge_world = shaft_to_handle;
+      }
       elastic_->step(index_, tool.position_m, time_s, reach_m_, force, jaw, tool.is_energised);
     }
     return force;

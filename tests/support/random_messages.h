@@ -186,7 +186,7 @@ inline Contact random_grip(Random& random) {
                    .slip_m = random_vector(random, 1.0)}};
 }
 
-/// A needle holds it.
+/// A needle or a blade holds it.
 inline Contact random_needle(Random& random) {
   Contact contact = random_grip(random);
   contact.grip.needle = {
@@ -195,6 +195,11 @@ inline Contact random_needle(Random& random) {
       .spreading_newton = random.uniform(0.0, 1e4),
       .friction_newton_per_m = random.uniform(0.0, 1e6),
       .deepest_m = random.uniform(0.0, 1e3)};
+  if (random.chance(0.5)) {
+    NeedleLaw& blade = contact.grip.needle;
+    blade.edge_world = blade.inward_world.cross(random_vector(random, 1.0)).normalized();
+    blade.friction_newton = random.uniform(0.0, 1e4);
+  }
   return contact;
 }
 
@@ -408,6 +413,8 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_bodies_restored = random.bits();
   c.elastic_attachments_torn = random.bits();
   c.elastic_torn_joule = random.uniform(0.0, 1.0);
+  c.elastic_faces_cut = random.bits();
+  c.elastic_cut_joule = random.uniform(0.0, 1.0);
   c.worst_compute_time = random_duration(random);
 }
 
@@ -705,7 +712,8 @@ inline bool same(const SurfaceNews& a, const SurfaceNews& b) {
 inline bool same(const NeedleLaw& a, const NeedleLaw& b) {
   return same(a.inward_world, b.inward_world) && a.cutting_newton == b.cutting_newton &&
          a.spreading_newton == b.spreading_newton &&
-         a.friction_newton_per_m == b.friction_newton_per_m && a.deepest_m == b.deepest_m;
+         a.friction_newton_per_m == b.friction_newton_per_m && a.deepest_m == b.deepest_m &&
+         same(a.edge_world, b.edge_world) && a.friction_newton == b.friction_newton;
 }
 inline bool same(const Contact& a, const Contact& b) {
   return a.tissue == b.tissue && same(a.penetration_m, b.penetration_m) &&
@@ -889,6 +897,7 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.elastic_bodies_restored == b.elastic_bodies_restored &&
          a.elastic_attachments_torn == b.elastic_attachments_torn &&
          a.elastic_torn_joule == b.elastic_torn_joule &&
+         a.elastic_faces_cut == b.elastic_faces_cut && a.elastic_cut_joule == b.elastic_cut_joule &&
          a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {

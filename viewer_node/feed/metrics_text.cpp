@@ -284,6 +284,8 @@ void add_physics(Page& page, const PhysicsCounters& c) {
                 {label("cause", "loose"), c.elastic_elements_loose}});
   page.counter("physics_elastic_attachments_torn", "Points torn off what they were attached to.",
                {{"", c.elastic_attachments_torn}});
+  page.counter("physics_elastic_faces_cut", "Faces between elements that blades have separated.",
+               {{"", c.elastic_faces_cut}});
   page.counter("physics_elastic_steps_skipped", "Steps out of reach of an elastic body.",
                {{"", c.elastic_steps_skipped}});
   page.gauge("physics_elastic_residual_ratio",

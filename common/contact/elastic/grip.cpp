@@ -9,6 +9,19 @@ namespace {
 
 constexpr int kMostHalvings = 60;  // to the rounding of a double
 
+/// Coulomb friction along the edge of a blade, a step of its own.
+void slide_along_edge(const NeedleLaw& blade, double most_newton,
+                      const Matrix3& stiffness_newton_per_m, GripSlip& slip) noexcept {
+  const Vector3& e = blade.edge_world;
+  const double along_newton = slip.force_on_tool_newton.dot(e);
+  const double excess = std::abs(along_newton) - most_newton;
+  if (!(excess > 0.0)) return;
+  const Vector3 softens = stiffness_newton_per_m * e;  // the force, by the way
+  const double way_m = -std::copysign(excess, along_newton) / e.dot(softens);
+  slip.slip_m += way_m * e;
+  slip.force_on_tool_newton += way_m * softens;
+}
+
 }  // namespace
 
 GripSlip slip_in_jaws(const Vector3& force_on_tool_newton, const Matrix3& stiffness_newton_per_m,
@@ -46,21 +59,23 @@ GripSlip slip_of_needle(const Vector3& force_on_tool_newton, const Matrix3& stif
   const double push = -force_on_tool_newton.dot(d);
   const double z = std::max(0.0, depth_m);
   const double friction = needle.friction_newton_per_m;
+  const double rubs_newton = needle.friction_newton + friction * z;
   GripSlip slip{.force_on_tool_newton = force_on_tool_newton};
   double way_m = 0.0;
-  if (const double excess = push - needle.spreading_newton - friction * z; excess > 0.0) {
+  if (const double excess = push - needle.spreading_newton - rubs_newton; excess > 0.0) {
     // in the hole; beyond its end, by what is left after cutting
     const double in_hole_m = excess / (k + friction);
     const double to_end_m = std::max(0.0, needle.deepest_m - z);
     const double beyond_m = (excess - needle.cutting_newton) / (k + friction);
     way_m = in_hole_m <= to_end_m ? in_hole_m : std::max(to_end_m, beyond_m);
-  } else if (const double pull = -push - friction * z; pull > 0.0) {
+  } else if (const double pull = -push - rubs_newton; pull > 0.0) {
     way_m = -pull / k;
     slip.is_out = !(way_m > -z);
     if (slip.is_out) way_m = -z;
   }
   slip.slip_m = way_m * d;
   slip.force_on_tool_newton += stiffness_newton_per_m * slip.slip_m;
+  if (needle.is_blade()) slide_along_edge(needle, rubs_newton, stiffness_newton_per_m, slip);
   if (slip.is_out) slip.force_on_tool_newton.setZero();
   if (slip.slip_m.allFinite() && slip.force_on_tool_newton.allFinite()) return slip;
   return {};

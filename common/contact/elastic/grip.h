@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// grip.h — the slip of tissue in the jaws of a tool, or along a needle: mofc_node computes it
-// between two messages, physics_node between two full solutions of the body, or after each of them.
+// grip.h — the slip of tissue in the jaws of a tool, along a needle or a blade: mofc_node computes
+// it between two messages, physics_node between two full solutions of the body, or after each of
+// them.
 #pragma once
 
 #include <algorithm>
@@ -34,14 +35,18 @@ struct GripSlip {
 /// A needle at the depth z of a hole that ends at z₀. With d its direction of insertion, k = d·K d
 /// and the push p = −F·d on the tissue, it goes by s along d
 ///
-///   inward   while p > Y(z), so far that p − k s = Y(z + s),  Y(z) = S + φ z (+ C beyond z₀)
-///   outward  while p < −φ z, so far that p − k s = −φ z, at most out of the hole
+///   inward   while p > Y(z), so far that p − k s = Y(z + s),  Y(z) = S + R(z) (+ C beyond z₀)
+///   outward  while p < −R(z), so far that p − k s = −R(z), at most out of the hole
 ///
-/// C cuts (toughness × width), S spreads, φ is the friction by depth: Y grows with the depth, so
-/// that there is one such s, and p − k s has its sign: the step dissipates (p − k s) s whatever the
-/// force was. Across, and without need, it holds. F' = F + K d s. At the end of the hole it stands
-/// still where it has not yet the force to cut. If a result is not finite there is no force and no
-/// slip. No allocation, no throw.
+/// C cuts (toughness × width), S spreads, R(z) = R₀ + φ z is the friction: Y grows with the depth,
+/// so that there is one such s, and p − k s has its sign: the step dissipates (p − k s) s whatever
+/// the force was. Across, and without need, it holds. F' = F + K d s. At the end of the hole it
+/// stands still where it has not yet the force to cut. If a result is not finite there is no force
+/// and no slip. No allocation, no throw.
+///
+/// A blade cuts along d in the same way, with C = toughness × length of its edge in the tissue, and
+/// φ = 0. Then it slides along its edge e, ⊥ d, by Coulomb's law with R, a second implicit step:
+/// |F''·e| ≤ R, which dissipates too. Across both, in the normal of its plane, it never yields.
 /// @param stiffness_newton_per_m  symmetric, positive definite
 /// @param needle  there; all of it ≥ 0
 [[nodiscard]] GripSlip slip_of_needle(const Vector3& force_on_tool_newton,

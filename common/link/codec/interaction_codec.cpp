@@ -2,6 +2,7 @@
 // interaction_codec.cpp — hop 3: Interaction and its contacts.
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 
 #include "common/core/physics_term.h"
 #include "common/link/codec/elastic_wire.h"
@@ -14,6 +15,8 @@ namespace palpate {
 using namespace wire;
 
 namespace {
+
+constexpr double kRightAngle = 1e-6;  // cosine between the edge of a blade and its way
 
 using Matrix = google::protobuf::RepeatedField<double>;
 
@@ -46,6 +49,8 @@ void put_grip(const Grip& grip, v1::Grip& to) {
   needle.set_spreading_newton(grip.needle.spreading_newton);
   needle.set_friction_newton_per_m(grip.needle.friction_newton_per_m);
   needle.set_deepest_m(grip.needle.deepest_m);
+  needle.set_friction_newton(grip.needle.friction_newton);
+  if (grip.needle.is_blade()) put(grip.needle.edge_world, *needle.mutable_edge_world());
 }
 
 /// The jaws are a spring, or a damper, that is the same in both directions of every motion, and no
@@ -64,6 +69,11 @@ void check_needle(const v1::Needle& needle, Verdict& verdict) {
   verdict.number(needle.spreading_newton(), 0.0, kMaxTissueForceNewton);
   verdict.number(needle.friction_newton_per_m(), 0.0, kMaxStiffnessNewtonPerM);
   verdict.number(needle.deepest_m(), 0.0, kMaxPositionM);
+  verdict.number(needle.friction_newton(), 0.0, kMaxTissueForceNewton);
+  if (!needle.has_edge_world()) return;
+  verdict.unit_vector(true, needle.edge_world());
+  const double cosine = vector(needle.edge_world()).dot(vector(needle.inward_world()));
+  verdict.expect(std::abs(cosine) <= kRightAngle);
 }
 
 void check_grip(const v1::Contact& contact, Verdict& verdict) {
@@ -88,7 +98,9 @@ NeedleLaw needle_of(const v1::Needle& wire) {
           .cutting_newton = wire.cutting_newton(),
           .spreading_newton = wire.spreading_newton(),
           .friction_newton_per_m = wire.friction_newton_per_m(),
-          .deepest_m = wire.deepest_m()};
+          .deepest_m = wire.deepest_m(),
+          .edge_world = wire.has_edge_world() ? unit(vector(wire.edge_world())) : Vector3::Zero(),
+          .friction_newton = wire.friction_newton()};
 }
 
 Grip grip_of(const v1::Grip& wire) {

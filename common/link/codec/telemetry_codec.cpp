@@ -240,8 +240,7 @@ void check_records(const v1::MofcTelemetry& wire, Verdict& verdict) {
   }
   check_length(wire.flags(), rows, 1, verdict);
   for (const std::uint32_t flags : wire.flags()) {
-    verdict.expect((flags & kGrip) >> kGripShift <=
-                   static_cast<std::uint32_t>(GripState::kPierces));
+    verdict.expect((flags & kGrip) >> kGripShift <= static_cast<std::uint32_t>(GripState::kCuts));
   }
 }
 void read_record(const v1::MofcTelemetry& wire, int i, MofcTick& r) {

@@ -228,6 +228,8 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_elastic_bodies_restored(c.elastic_bodies_restored);
   to.set_elastic_attachments_torn(c.elastic_attachments_torn);
   to.set_elastic_torn_joule(c.elastic_torn_joule);
+  to.set_elastic_faces_cut(c.elastic_faces_cut);
+  to.set_elastic_cut_joule(c.elastic_cut_joule);
   to.set_elastic_solves_repaired(c.elastic_solves_repaired);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
@@ -240,6 +242,7 @@ void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
   verdict.finite(c.elastic_error_newton());
   verdict.finite(c.elastic_bound_newton());
   verdict.finite(c.elastic_torn_joule());
+  verdict.finite(c.elastic_cut_joule());
 }
 PhysicsCounters counters(const v1::PhysicsCounters& c) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
@@ -282,6 +285,8 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
       .elastic_bodies_restored = c.elastic_bodies_restored(),
       .elastic_attachments_torn = c.elastic_attachments_torn(),
       .elastic_torn_joule = c.elastic_torn_joule(),
+      .elastic_faces_cut = c.elastic_faces_cut(),
+      .elastic_cut_joule = c.elastic_cut_joule(),
       .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

@@ -115,6 +115,11 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
         "does not know what the first physics_node has ablated; leave it out, or "
         "scene.tool.electrode");
   }
+  if (session.scene.blade && session.physics.standby) {
+    fields.message("physics").problem(
+        "standby",
+        "does not know what the first physics_node has cut; leave it out, or scene.tool.blade");
+  }
   if (session.physics.standby &&
       std::any_of(session.scene.tissues.begin(), session.scene.tissues.end(), can_tear)) {
     fields.message("physics").problem(

@@ -108,6 +108,9 @@ void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_f
 [[nodiscard]] std::vector<std::string> to_physics_command(const Fields& physics,
                                                           const std::filesystem::path& base_dir);
 [[nodiscard]] SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir);
+/// What of the tool acts on elastic tissue.
+/// @param config  with its tip and its tissues
+void add_holders(const Fields& tool, SceneConfig& config);
 /// A part of space, or of a mesh.
 [[nodiscard]] RegionGeometry to_region(const Fields& place);
 

@@ -129,7 +129,7 @@ void add_relaxation(const Fields& elastic, ElasticMaterial& material) {
   }
 }
 
-/// How a needle goes into the body, after its parts.
+/// How a needle or a blade goes into the body, after its parts.
 void add_pierced(const Fields& elastic, ElasticMaterial& material) {
   const char* const name = "toughness_joule_per_m2";
   if (elastic.has("pierced")) {
@@ -381,50 +381,6 @@ std::vector<std::string> to_physics_command(const Fields& physics,
   return command;
 }
 
-namespace {
-
-GripperConfig to_gripper(const Fields& fields, double tip_radius_m) {
-  return {.button = static_cast<std::uint32_t>(fields.integer("button")),
-          .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
-          .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
-          .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
-          .jaw_newton = fields.number("jaw_newton"),
-          .friction_coefficient = fields.number("friction_coefficient"),
-          .tear_newton = fields.number("tear_newton")};
-}
-
-NeedleConfig to_needle(const Fields& fields, double tip_radius_m) {
-  return {.width_m = fields.number("width_m", 2.0 * tip_radius_m),
-          .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
-          .most_points = static_cast<std::uint32_t>(fields.integer("most_points")),
-          .stiffness_newton_per_m = fields.number("stiffness_newton_per_m")};
-}
-
-ElectrodeConfig to_electrode(const Fields& fields, double tip_radius_m) {
-  const ElectrodeConfig config{.button = static_cast<std::uint32_t>(fields.integer("button")),
-                               .power_watt = fields.number("power_watt"),
-                               .reach_m = fields.number("reach_m", 1.5 * tip_radius_m),
-                               .energy_joule_per_kg = fields.number("energy_joule_per_kg"),
-                               .softest_ratio = fields.number("softest_ratio")};
-  if (config.reach_m > 0.0 && config.reach_m <= tip_radius_m) {
-    fields.problem("reach_m",
-                   "must be > scene.tool.tip_radius_m, or it ends inside the tip; give more, or "
-                   "leave it out for 1.5 × tip_radius_m");
-  }
-  return config;
-}
-
-bool is_elastic(const TissueConfig& tissue) {
-  return std::holds_alternative<ElasticMaterial>(tissue.material);
-}
-
-bool is_pierced(const TissueConfig& tissue) {
-  const auto* const elastic = std::get_if<ElasticMaterial>(&tissue.material);
-  return elastic != nullptr && elastic->pierced.has_value();
-}
-
-}  // namespace
-
 SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir) {
   SceneConfig config;
   const Fields tool = scene.message("tool");
@@ -451,38 +407,7 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
                               .material = to_material(tissue, config.tip_radius_m),
                               .motion = to_motion(tissue)});
   }
-  const bool has_elastic = std::any_of(config.tissues.begin(), config.tissues.end(), is_elastic);
-  if (tool.has("gripper") && has_elastic) {
-    config.gripper = to_gripper(tool.message("gripper"), config.tip_radius_m);
-  } else if (tool.has("gripper")) {
-    tool.problem("gripper",
-                 "holds elastic tissue, and the scene has none; give a tissue elastic { … }, or "
-                 "leave this out");
-  }
-  if (tool.has("needle")) {
-    config.needle = to_needle(tool.message("needle"), config.tip_radius_m);
-    if (config.gripper) {
-      tool.problem("needle", "a tool has a gripper or a needle; leave one of them out");
-    }
-    if (std::none_of(config.tissues.begin(), config.tissues.end(), is_pierced)) {
-      tool.problem("needle",
-                   "goes into elastic tissue, and no tissue lets it; give one elastic { pierced { "
-                   "toughness_joule_per_m2: … } }, or leave this out");
-    }
-  }
-  if (tool.has("electrode") && has_elastic) {
-    config.electrode = to_electrode(tool.message("electrode"), config.tip_radius_m);
-  } else if (tool.has("electrode")) {
-    tool.problem("electrode",
-                 "ablates elastic tissue, and the scene has none; give a tissue elastic { … }, or "
-                 "leave this out");
-  }
-  if (config.gripper && config.electrode && config.gripper->button == config.electrode->button) {
-    tool.message("electrode")
-        .problem("button",
-                 "must be another button than scene.tool.gripper.button, or what the jaws hold "
-                 "is ablated");
-  }
+  add_holders(tool, config);
   return config;
 }
 

@@ -2,6 +2,7 @@
 // held_points.h — points of the surface of an elastic body that the jaws of a tool hold.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -22,6 +23,12 @@ class HeldPoints {
   /// together; null: as they lie now
   void take(const std::vector<SurfacePoint>& points, const double* x_m, const Vector3d& at_m,
             double reach_m, std::size_t most, double newton_per_m, const double* rest_m = nullptr);
+  /// Takes the nearest of the points to a straight edge in the body at rest. They are held as they
+  /// lie there: with no force if the tool, less its slip, is at `origin_m`.
+  /// @param rest_m  of the body
+  void take_beside(const std::vector<SurfacePoint>& points, const double* rest_m,
+                   const std::array<Vector3d, 2>& edge_m, double reach_m, std::size_t most,
+                   double newton_per_m, const Vector3d& origin_m);
   /// They lie so much farther from the tool.
   void shift(const Vector3d& by_m) noexcept {
     for (Held& one : held_) one.away_m += by_m;

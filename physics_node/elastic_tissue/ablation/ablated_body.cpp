@@ -16,52 +16,46 @@ namespace {
 constexpr std::int32_t kGone = -1;
 constexpr std::size_t kMostRegions = 256;  // of a mesh
 
-/// The mesh of these elements, and which of all nodes they are.
-struct Remainder {
-  elastic::Mesh mesh;
-  std::vector<std::uint32_t> nodes;
-};
-
-Remainder remainder_of(const elastic::Mesh& whole, const std::vector<std::uint32_t>& elements) {
-  Remainder left{.mesh = {.nodes_m = {},
-                          .nodes_per_element = whole.nodes_per_element,
-                          .elements = {},
-                          .regions = {}},
-                 .nodes = {}};
-  std::vector<std::int32_t> place(whole.nodes_m.size(), kGone);
-  for (const std::uint32_t e : elements) {
-    for (const std::uint32_t node : whole.element(e)) place[node] = 0;
-  }
-  for (std::uint32_t node = 0; node < place.size(); ++node) {
-    if (place[node] == kGone) continue;
-    place[node] = static_cast<std::int32_t>(left.nodes.size());
-    left.nodes.push_back(node);
-    left.mesh.nodes_m.push_back(whole.nodes_m[node]);
-  }
-  for (const std::uint32_t e : elements) {
-    for (const std::uint32_t node : whole.element(e)) {
-      left.mesh.elements.push_back(static_cast<std::uint32_t>(place[node]));
-    }
-    left.mesh.regions.push_back(whole.regions[e]);
-  }
-  return left;
-}
-
-/// By node of the whole body: its index among these.
-std::vector<std::int32_t> places_of(const std::vector<std::uint32_t>& nodes, std::size_t all) {
-  std::vector<std::int32_t> places(all, kGone);
-  for (std::size_t i = 0; i < nodes.size(); ++i) places[nodes[i]] = static_cast<std::int32_t>(i);
-  return places;
-}
-
-/// Those of these nodes of the whole body that are left.
-std::vector<std::uint32_t> left_of(const std::vector<std::uint32_t>& nodes,
-                                   const std::vector<std::int32_t>& places) {
+/// Those that are these nodes of the whole body, or copies of them.
+/// @param nodes  by node: which of the whole body
+std::vector<std::uint32_t> left_of(const std::vector<std::uint32_t>& all_held,
+                                   const std::vector<std::uint32_t>& nodes, std::size_t all) {
+  std::vector<char> is_held(all, 0);
+  for (const std::uint32_t node : all_held) is_held[node] = 1;
   std::vector<std::uint32_t> left;
-  for (const std::uint32_t node : nodes) {
-    if (places[node] != kGone) left.push_back(static_cast<std::uint32_t>(places[node]));
+  for (std::uint32_t i = 0; i < nodes.size(); ++i) {
+    if (is_held[nodes[i]] != 0) left.push_back(i);
   }
   return left;
+}
+
+/// By node: what it has of all copies of its node of the whole body, by the volume of the elements
+/// around each; 1 without copies.
+std::vector<double> shares_of(const elastic::SeparatedMesh& left) {
+  std::vector<double> shares(left.nodes.size(), 1.0);
+  const auto is_copied = [&](std::size_t i) {
+    return (i > 0 && left.nodes[i - 1] == left.nodes[i]) ||
+           (i + 1 < left.nodes.size() && left.nodes[i + 1] == left.nodes[i]);
+  };
+  std::vector<double> volume_of(left.nodes.size(), 0.0);
+  for (std::size_t e = 0; e < left.mesh.element_count(); ++e) {
+    const auto nodes = left.mesh.element(e);
+    const Vector3& corner_m = left.mesh.nodes_m[nodes[0]];
+    const double volume = (left.mesh.nodes_m[nodes[1]] - corner_m)
+                              .dot((left.mesh.nodes_m[nodes[2]] - corner_m)
+                                       .cross(left.mesh.nodes_m[nodes[3]] - corner_m));
+    for (const std::uint32_t node : nodes) volume_of[node] += volume;
+  }
+  for (std::size_t begin = 0; begin < shares.size();) {
+    std::size_t end = begin + 1;
+    double all = volume_of[begin];
+    for (; end < shares.size() && left.nodes[end] == left.nodes[begin]; ++end) {
+      all += volume_of[end];
+    }
+    for (std::size_t i = begin; i < end && is_copied(begin); ++i) shares[i] = volume_of[i] / all;
+    begin = end;
+  }
+  return shares;
 }
 
 std::vector<std::uint32_t> held_nodes_of(const elastic::BodyDescription& body,
@@ -74,16 +68,16 @@ std::vector<std::uint32_t> held_nodes_of(const elastic::BodyDescription& body,
 }
 
 /// Takes elements out of `elements` until each is held by the rest. @return how many
-std::size_t drop_loose(const elastic::BodyDescription& whole, std::vector<std::uint32_t>& elements,
-                       std::span<const double> attached) {
+std::size_t drop_loose(const elastic::BodyDescription& whole, const elastic::FaceCuts& cuts,
+                       std::vector<std::uint32_t>& elements, std::span<const double> attached) {
   const std::vector<std::uint32_t> held = held_nodes_of(whole, attached);
-  const std::size_t all = whole.mesh.nodes_m.size();
   std::size_t dropped = 0;
   while (!elements.empty()) {
-    const Remainder left = remainder_of(whole.mesh, elements);
+    const elastic::SeparatedMesh left = elastic::separated_mesh(whole.mesh, elements, cuts);
     std::vector<std::uint32_t> loose = elastic::hinged_elements(left.mesh);
     if (loose.empty()) {
-      loose = elastic::loose_elements(left.mesh, left_of(held, places_of(left.nodes, all)));
+      loose =
+          elastic::loose_elements(left.mesh, left_of(held, left.nodes, whole.mesh.nodes_m.size()));
     }
     if (loose.empty()) break;
     dropped += loose.size();
@@ -106,24 +100,32 @@ elastic::VectorXd values_at(const elastic::VectorXd& all, const std::vector<std:
 }
 
 /// The description of what is left, its materials in stages.
-elastic::BodyDescription description_of(const ElasticBody& whole, Remainder left,
+elastic::BodyDescription description_of(const ElasticBody& whole, elastic::SeparatedMesh left,
                                         const std::vector<std::uint32_t>& elements,
                                         std::span<const std::uint8_t> stages, double softest_ratio,
                                         std::span<const double> attached) {
   const elastic::BodyDescription& all = whole.body->description();
-  const std::vector<std::int32_t> places = places_of(left.nodes, all.mesh.nodes_m.size());
-  elastic::BodyDescription body{.mesh = std::move(left.mesh),
-                                .materials = {},
-                                .law = all.law,
-                                .fixed_nodes = left_of(all.fixed_nodes, places),
-                                .gravity_m_per_s2 = all.gravity_m_per_s2,
-                                .more_load_newton = values_at(all.more_load_newton, left.nodes),
-                                .branches = all.branches};
-  for (elastic::Attachment one : all.attachments) {
-    if (places[one.node] == kGone) continue;
-    one.node = static_cast<std::uint32_t>(places[one.node]);
-    if (one.tears()) one.stiffness_newton_per_m = one.intact_newton_per_m * attached[one.index];
-    if (one.stiffness_newton_per_m > 0.0) body.attachments.push_back(one);
+  const std::vector<double> shares = shares_of(left);
+  elastic::BodyDescription body{
+      .mesh = std::move(left.mesh),
+      .materials = {},
+      .law = all.law,
+      .fixed_nodes = left_of(all.fixed_nodes, left.nodes, all.mesh.nodes_m.size()),
+      .gravity_m_per_s2 = all.gravity_m_per_s2,
+      .more_load_newton = values_at(all.more_load_newton, left.nodes),
+      .branches = all.branches};
+  for (Eigen::Index i = 0; i < body.more_load_newton.size(); ++i) {
+    body.more_load_newton[i] *= shares[static_cast<std::size_t>(i / 3)];
+  }
+  for (const elastic::Attachment& one : all.attachments) {
+    const auto [first, last] = std::equal_range(left.nodes.begin(), left.nodes.end(), one.node);
+    for (auto copy = first; copy != last; ++copy) {
+      elastic::Attachment own = one;
+      own.node = static_cast<std::uint32_t>(copy - left.nodes.begin());
+      if (own.tears()) own.stiffness_newton_per_m = own.intact_newton_per_m * attached[own.index];
+      own.stiffness_newton_per_m *= shares[own.node];
+      if (own.stiffness_newton_per_m > 0.0) body.attachments.push_back(own);
+    }
   }
   const std::size_t parts = whole.part_count + 1;
   const std::size_t most_stages = std::min<std::size_t>(kHeatStages, kMostRegions / parts);
@@ -157,6 +159,21 @@ std::vector<std::int32_t> points_of_faces(const AblatedBody& ablated, std::size_
     while (point < body.points.size() && body.points[point].nodes == face.nodes) ++point;
   }
   return first;
+}
+
+/// By node of the body after: which of the body before it is, as a corner of one of its elements.
+std::vector<std::uint32_t> old_nodes_of(const AblatedBody& before, const AblatedBody& after,
+                                        const elastic::Mesh& mesh, std::size_t all_elements) {
+  std::vector<std::uint32_t> place(all_elements, 0);
+  for (std::uint32_t i = 0; i < before.elements.size(); ++i) place[before.elements[i]] = i;
+  std::vector<std::uint32_t> old_nodes(after.nodes.size(), 0);
+  const elastic::Mesh& mesh_before = before.body()->body->mesh();
+  for (std::size_t i = 0; i < after.elements.size(); ++i) {
+    const auto now = mesh.element(i);
+    const auto old = mesh_before.element(place[after.elements[i]]);
+    for (std::size_t k = 0; k < now.size(); ++k) old_nodes[now[k]] = old[k];
+  }
+  return old_nodes;
 }
 
 /// The points of a face are the same in both bodies: its shape in the mesh is.
@@ -215,7 +232,8 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
                                                 std::span<const std::uint8_t> stages,
                                                 double softest_ratio,
                                                 std::span<const std::uint32_t> near,
-                                                std::span<const double> attached) {
+                                                std::span<const double> attached,
+                                                const elastic::FaceCuts& cut) {
   const elastic::BodyDescription& all = whole.body->description();
   auto after = std::make_shared<AblatedBody>();
   std::copy_if(before.elements.begin(), before.elements.end(), std::back_inserter(after->elements),
@@ -224,16 +242,18 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
   const bool has_torn = std::any_of(
       held_before.begin(), held_before.end(),
       [&](const elastic::Attachment& one) { return one.tears() && !(attached[one.index] > 0.0); });
-  if (has_torn || after->elements.size() < before.elements.size()) {
-    after->loose = drop_loose(all, after->elements, attached);
+  const elastic::FaceCuts cuts = elastic::clean_cuts(all.mesh, after->elements, cut);
+  if (has_torn || !cuts.is_cut.empty() || after->elements.size() < before.elements.size()) {
+    after->loose = drop_loose(all, cuts, after->elements, attached);
   }
-  const bool has_same_elements = after->elements.size() == before.elements.size();
   if (after->elements.empty()) throw SetupError("nothing is left of it that is held");
 
-  Remainder left = remainder_of(all.mesh, after->elements);
+  elastic::SeparatedMesh left = elastic::separated_mesh(all.mesh, after->elements, cuts);
+  after->cut = elastic::cut_area(all.mesh, after->elements, cuts, left.mesh);
   after->nodes = left.nodes;
-  const std::vector<std::int32_t> places = places_of(before.nodes, all.mesh.nodes_m.size());
-  after->change.old_nodes = left_of(after->nodes, places);
+  after->change.old_nodes = old_nodes_of(before, *after, left.mesh, all.mesh.element_count());
+  const bool is_alike = after->elements == before.elements && after->nodes == before.nodes &&
+                        left.mesh.elements == before.body()->body->mesh().elements;
   elastic::VectorXd start_m;
   if (whole.body->load_newton().size() > 0) {
     start_m = values_at(before.body()->start_m, after->change.old_nodes);
@@ -241,16 +261,17 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
   after->shared = std::make_shared<BodyCompliance>(remade_elastic_body(
       whole,
       description_of(whole, std::move(left), after->elements, stages, softest_ratio, attached),
-      start_m, has_same_elements ? before.body()->body.get() : nullptr));
+      start_m, is_alike ? before.body()->body.get() : nullptr));
   after->change.old_points = old_points_of(before, *after, all.mesh.element_count());
 
   // the first steps of a tool that is there shall not wait for them
-  const std::vector<std::int32_t> here = places_of(after->nodes, all.mesh.nodes_m.size());
   std::vector<std::uint32_t> columns;
   for (const std::uint32_t node : near) {
-    if (here[node] == kGone) continue;
-    const auto place = static_cast<std::uint32_t>(here[node]);
-    if (after->shared->compliance().row_of(place) >= 0) columns.push_back(place);
+    const auto [first, last] = std::equal_range(after->nodes.begin(), after->nodes.end(), node);
+    for (auto copy = first; copy != last; ++copy) {
+      const auto place = static_cast<std::uint32_t>(copy - after->nodes.begin());
+      if (after->shared->compliance().row_of(place) >= 0) columns.push_back(place);
+    }
   }
   if (!columns.empty()) static_cast<void>(after->shared->compliance().require(columns));
   return after;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ablated_body.h — an elastic body of which parts have been softened or have vanished.
+// ablated_body.h — an elastic body of which parts have been softened or have vanished, or that has
+// been cut.
 #pragma once
 
 #include <cstddef>
@@ -8,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "physics_node/elastic/cut/separated_mesh.h"
 #include "physics_node/elastic_tissue/body_compliance.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 
@@ -20,12 +22,13 @@ struct BodyChange {
 };
 
 /// A body, its nodes and elements as indices in that of the session, ascending, and how it differs
-/// from the one that it replaces.
+/// from the one that it replaces. Where it is cut a node of the session's body has copies.
 struct AblatedBody {
   std::shared_ptr<BodyCompliance> shared;
   std::vector<std::uint32_t> nodes = {};
   std::vector<std::uint32_t> elements = {};
-  std::size_t loose = 0;  ///< elements that went with those that vanished in the last change
+  std::size_t loose = 0;      ///< elements that went with those that vanished in the last change
+  elastic::CutArea cut = {};  ///< all of it
   BodyChange change = {};
 
   [[nodiscard]] const std::shared_ptr<const ElasticBody>& body() const noexcept {
@@ -49,10 +52,11 @@ struct AblatedBody {
 /// @param near    nodes of the session's body whose columns are made ahead, if they are on the
 ///     surface
 /// @param attached  of the attachments that tear, by index: their stiffness now over the intact one
+/// @param cut  faces of the session's body; those that could not be separated yet stay joined
 /// @throws SetupError  nothing is left that is held, or what is left cannot be used
 [[nodiscard]] std::shared_ptr<const AblatedBody> ablated_body(
     const ElasticBody& whole, const AblatedBody& before, std::span<const std::uint8_t> stages,
     double softest_ratio, std::span<const std::uint32_t> near,
-    std::span<const double> attached = {});
+    std::span<const double> attached = {}, const elastic::FaceCuts& cut = {});
 
 }  // namespace palpate::physics

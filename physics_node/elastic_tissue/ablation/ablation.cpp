@@ -14,6 +14,7 @@ namespace {
 // The columns of nodes this near to an electrode are made with the next body.
 constexpr double kNearRadii = 2.5;
 constexpr std::size_t kMostNear = 192;
+constexpr double kBesideReaches = 1.5;  // and so near to the edge of a blade
 // The next body is made when an attachment holds by so much less than in the present one, relative
 // to the intact one, or holds nothing any more; and for all that has changed when nothing has torn
 // for so many solutions.
@@ -24,7 +25,7 @@ constexpr int kQuietSolutions = 10;
 
 Ablation::Ablation(std::shared_ptr<BodyCompliance> whole,
                    const std::optional<ElectrodeConfig>& electrode, double tip_radius_m,
-                   std::size_t tools, bool is_in_background)
+                   std::size_t tools, bool is_in_background, bool can_be_cut)
     : whole_(std::make_shared<AblatedBody>(whole_body(std::move(whole)))),
       present_(whole_),
       electrode_(electrode),
@@ -32,7 +33,12 @@ Ablation::Ablation(std::shared_ptr<BodyCompliance> whole,
       is_in_background_(is_in_background),
       doses_(whole_->elements.size(), 0.0),
       stages_(doses_.size(), 0),
-      heated_m_(tools, Vector3::Constant(1e9)) {
+      heated_m_(tools, Vector3::Constant(1e9)),
+      edges_(tools) {
+  if (can_be_cut) {
+    opposite_ = std::make_shared<const std::vector<std::int32_t>>(
+        elastic::opposite_sides(whole_->body()->body->mesh()));
+  }
   for (const elastic::Attachment& one : whole_->body()->body->description().attachments) {
     if (one.tears()) attached_.push_back(1.0);
   }
@@ -44,6 +50,8 @@ void Ablation::continue_as(const Ablation& other) {
   stages_ = other.stages_;
   heated_m_ = other.heated_m_;
   attached_ = other.attached_;
+  edges_ = other.edges_;
+  is_cut_ = other.is_cut_;
   quiet_solutions_ = other.quiet_solutions_;
   is_changed_ = other.is_changed_;
   is_ordered_ = other.is_ordered_;
@@ -78,6 +86,20 @@ void Ablation::heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector
   }
 }
 
+void Ablation::cut(std::size_t tool, const Sweep& sweep, double reach_m) {
+  edges_[tool] = {.from_m = sweep.from_m, .to_m = sweep.to_m, .reach_m = reach_m};
+  figures_.cut_joule += sweep.joule;
+  figures_.swept_m2 += sweep.swept_m2;
+  figures_.separated_m2 += sweep.cut_m2;
+  if (is_cut_.empty()) is_cut_.resize(opposite_->size(), 0);
+  for (const elastic::FaceSide side : sweep.cut) {
+    if (std::exchange(is_cut_[side], 1) != 0) continue;
+    is_cut_[static_cast<std::size_t>((*opposite_)[side])] = 1;
+    ++figures_.faces_cut;
+    is_changed_ = true;
+  }
+}
+
 void Ablation::tear(const elastic::Tearing& tearing, bool has_torn) {
   quiet_solutions_ = has_torn ? 0 : quiet_solutions_ + 1;
   bool is_changed = quiet_solutions_ == kQuietSolutions && !tearing.is_idle();
@@ -101,13 +123,24 @@ void Ablation::order(const elastic::VectorXd& x_m) {
     const bool is_near = std::any_of(heated_m_.begin(), heated_m_.end(), [&](const Vector3& tip_m) {
       return (node_m - tip_m).norm() < kNearRadii * tip_radius_m_;
     });
-    if (is_near) near.push_back(present_->nodes[i]);
+    const Vector3 start_m =
+        whole_->body()->start_m.segment<3>(3 * Eigen::Index{present_->nodes[i]});
+    const bool is_at_edge = std::any_of(edges_.begin(), edges_.end(), [&](const Edge& edge) {
+      const Vector3 way_m = edge.to_m - edge.from_m;
+      const double share = std::clamp(
+          (start_m - edge.from_m).dot(way_m) / std::max(way_m.squaredNorm(), 1e-18), 0.0, 1.0);
+      return (start_m - edge.from_m - share * way_m).norm() < kBesideReaches * edge.reach_m;
+    });
+    const bool is_known = !near.empty() && near.back() == present_->nodes[i];  // another copy
+    if ((is_near || is_at_edge) && !is_known) near.push_back(present_->nodes[i]);
   }
   const auto make = [whole = whole_, before = present_, stages = stages_, near = std::move(near),
-                     attached = attached_,
+                     attached = attached_, opposite = opposite_, is_cut = is_cut_,
                      softest_ratio = electrode_ ? electrode_->softest_ratio : 1.0]() -> Made {
     try {
-      return ablated_body(*whole->body(), *before, stages, softest_ratio, near, attached);
+      elastic::FaceCuts cuts;
+      if (opposite) cuts = {.opposite = *opposite, .is_cut = is_cut};
+      return ablated_body(*whole->body(), *before, stages, softest_ratio, near, attached, cuts);
     } catch (const std::exception&) {  // the one before goes on
       return nullptr;
     }
@@ -156,6 +189,7 @@ std::shared_ptr<const AblatedBody> Ablation::restore() {
   std::fill(doses_.begin(), doses_.end(), 0.0);
   std::fill(stages_.begin(), stages_.end(), 0);
   std::fill(attached_.begin(), attached_.end(), 1.0);
+  is_cut_.clear();
   is_changed_ = false;
   is_order_void_ = is_ordered_;
   ++figures_.restored;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ablation.h — how an elastic body changes: under the electrodes of the tools, and where it is torn
-// off.
+// ablation.h — how an elastic body changes: under the electrodes of the tools, where blades cut it,
+// and where it is torn off.
 #pragma once
 
 #include <cstdint>
@@ -22,20 +22,25 @@ struct AblationFigures {
   std::uint64_t loose = 0;    ///< of these: that nothing held any more
   std::uint64_t refused = 0;  ///< bodies that could not be made: the one before goes on
   std::uint64_t restored = 0;
+  std::uint64_t faces_cut = 0;  ///< that blades have passed
+  double cut_joule = 0.0;       ///< toughness × area that they have swept
+  double swept_m2 = 0.0;        ///< that area
+  double separated_m2 = 0.0;    ///< of those faces, projected on the planes of the blades
 };
 
-/// The doses of the elements, what still holds, and the body that is left. Whenever elements have
-/// changed their stage (heat.h) or attachments have torn further, the next body is made, one after
-/// the other: on a thread of its own, or, for simulations on a time of their own, at once and used
-/// kLatency_s later. One thread calls it; allocates.
+/// The doses of the elements, what still holds, what is cut, and the body that is left. Whenever
+/// elements have changed their stage (heat.h), attachments have torn further or faces have been
+/// cut, the next body is made, one after the other: on a thread of its own, or, for simulations on
+/// a time of their own, at once and used kLatency_s later. One thread calls it; allocates.
 class Ablation {
  public:
   static constexpr double kLatency_s = 0.1;
 
   /// @param whole  the body of the session   @param tools  that may be energised
   /// @param electrode  none: nothing is heated   @param is_in_background  else deterministic
+  /// @param can_be_cut  by blades
   Ablation(std::shared_ptr<BodyCompliance> whole, const std::optional<ElectrodeConfig>& electrode,
-           double tip_radius_m, std::size_t tools, bool is_in_background);
+           double tip_radius_m, std::size_t tools, bool is_in_background, bool can_be_cut = false);
   ~Ablation() = default;
   Ablation(const Ablation&) = delete;  // a body may be under way
   Ablation& operator=(const Ablation&) = delete;
@@ -47,6 +52,23 @@ class Ablation {
   /// @param energised_s  ≥ 0, for how long
   void heat(std::size_t tool, const elastic::VectorXd& x_m, const Vector3& tip_m,
             double energised_s);
+
+  /// What a blade has swept since the last call.
+  struct Sweep {
+    double swept_m2 = 0.0;
+    double joule = 0.0;                  ///< toughness × that
+    std::vector<elastic::FaceSide> cut;  ///< faces of the session's body
+    double cut_m2 = 0.0;                 ///< their projection on the plane of the blade
+    // its edge is there now, in the untouched body
+    Vector3 from_m = Vector3::Constant(1e9);
+    Vector3 to_m = Vector3::Constant(1e9);
+  };
+  /// @pre  it can be cut   @param reach_m  of the points that it holds
+  void cut(std::size_t tool, const Sweep& sweep, double reach_m);
+  /// Of the session's body. @pre  it can be cut
+  [[nodiscard]] const std::vector<std::int32_t>& opposite_sides() const noexcept {
+    return *opposite_;
+  }
 
   /// After a full solution. @param has_torn  further, since the last one
   void tear(const elastic::Tearing& tearing, bool has_torn);
@@ -79,8 +101,16 @@ class Ablation {
   std::vector<std::uint8_t> stages_;  // likewise
   std::vector<Vector3> heated_m_;     // where each tool was energised last
   std::vector<double> attached_;      // stiffness over the intact one, of what tears
-  int quiet_solutions_ = 0;           // in which nothing has torn
-  bool is_changed_ = false;           // a stage, since the last order
+  struct Edge {
+    Vector3 from_m = Vector3::Constant(1e9);
+    Vector3 to_m = Vector3::Constant(1e9);
+    double reach_m = 0.0;
+  };
+  std::vector<Edge> edges_;  // where each tool has cut last, in the untouched body
+  std::shared_ptr<const std::vector<std::int32_t>> opposite_;  // null: it is not cut
+  std::vector<char> is_cut_;                                   // by side of the whole body
+  int quiet_solutions_ = 0;                                    // in which nothing has torn
+  bool is_changed_ = false;                                    // a stage, since the last order
   bool is_ordered_ = false;
   bool is_order_void_ = false;   // restored since: it will not be used
   std::future<Made> under_way_;  // in the background

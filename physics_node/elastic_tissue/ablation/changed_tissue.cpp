@@ -12,6 +12,7 @@ void ElasticTissue::follow_body(Tool& own) noexcept {
   if (newest == nullptr || newest->get() == own.surface_of) return;
   own.surface_of = newest->get();
   own.side.change_to(own.surface_of->shape);
+  if (own.surface_of == whole_.get() && can_be_cut()) own.piercing = {};  // its cuts are closed
 }
 
 /// After a full solution: what the tools have done to the body.
@@ -47,7 +48,10 @@ void ElasticTissue::change_body(double step_s) {
     tool.last_forces_newton.clear();
     if (makers_[i])
       makers_[i].emplace(*next->body(), next->shared->compliance(), PatchMaker(*makers_[i]));
-    if (gripper_) tool.held.change_body(*simulation_, i);
+    if (gripper_) {
+      tool.held.change_body(*simulation_, i, is_whole ? nullptr : &*gripper_,
+                            tool.jaw_command.load().slip_m());
+    }
     tool.body.draft() = next->body();
   }
   shared_ = next->shared;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An elastic tissue into which a needle goes.
+// An elastic tissue into which a needle or a blade goes.
 #include "physics_node/elastic_tissue/elastic_tissue.h"
 
 namespace palpate::physics {
@@ -18,6 +18,7 @@ void ElasticTissue::set_needle(std::size_t tool, const JawInput& input, bool may
   Tool& own = *tools_[tool];
   own.jaw_m_per_s = input.velocity_m_per_s;
   own.inward = input.inward_world;
+  own.edge = input.edge_world;
   own.may_pierce = may_pierce && can_be_pierced();
   own.is_jaw_led = own.jaw.is_closed() && input.report && input.report->number == own.jaw.number();
   if (own.is_jaw_led) own.jaw.follow(input.report->slip_m, input.report->has_let_go);
@@ -33,7 +34,9 @@ void ElasticTissue::pierce(Tool& own, const Contact& contact) const noexcept {
     return;
   }
   own.jaw.set(kMostTissues * ++own.punctures + whole_->tissue % kMostTissues);
-  own.piercing.update(laws, 0.0, own.jaw.start_needle());
+  NeedleLaw& law = own.jaw.start_needle();
+  own.piercing.update(laws, 0.0, law);
+  if (gripper_->is_blade()) fit_blade(laws.tissue, entering(), own.edge, law);
   own.jaw_command.store(own.jaw.command());
 }
 
@@ -41,15 +44,20 @@ void ElasticTissue::pierce(Tool& own, const Contact& contact) const noexcept {
 bool ElasticTissue::stays_in(Tool& own, const GripModel& model) const noexcept {
   // where nothing was in reach, or what was held has vanished, nothing holds it
   const bool has_nothing = model.number == own.jaw.number() && !model.is_holding();
-  if (own.jaw.is_closed() && (has_nothing || own.jaw.is_lost())) {
+  const bool is_through = is_blade_through(own, model);
+  if (own.jaw.is_closed() && (has_nothing || is_through || own.jaw.is_lost())) {
     own.piercing.leave(own.jaw.needle());
     own.jaw.set(0);
     own.jaw_command.store(own.jaw.command());
+    if (is_through) own.side = {};  // it may be on another side of the body
   }
   if (!own.jaw.holds(model)) return false;
   own.jaw.begin(model);
   own.piercing.update({.tissue = *whole_->pierced, .needle = *gripper_}, own.jaw.depth_m(),
                       own.jaw.needle());
+  if (gripper_->is_blade()) {
+    fit_blade(*whole_->pierced, model.edge, own.jaw.needle().edge_world, own.jaw.needle());
+  }
   return true;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// grasp_bench: the force of tissue in the jaws of a gripper, or around a needle, along prescribed
-// paths, at the other end of a network, against full solutions with the same constraints every
-// millisecond. Open loop, on a virtual clock: the forces are the same on every machine.
+// grasp_bench: the force of tissue in the jaws of a gripper, around a needle or a blade, along
+// prescribed paths, at the other end of a network, against full solutions with the same constraints
+// every millisecond. Open loop, on a virtual clock: the forces are the same on every machine.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <numbers>
 #include <string>
 #include <thread>
@@ -21,10 +22,12 @@
 #include "common/telemetry/quantile.h"
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "physics_node/files/tetrahedral_files.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/delayed_force.h"
 #include "tests/bench/elastic/elastic_rows.h"
 #include "tests/support/machine/places.h"
+#include "tests/support/temp_folder.h"
 
 namespace {
 
@@ -147,6 +150,78 @@ Path needle_path() {
   return path;
 }
 
+/// 40 mm into the block of the session `incision` at 20 mm/s, a rest, and back by 15 mm.
+Path blade_path() {
+  constexpr double kSpeed_m_per_s = 0.02;
+  constexpr double kFrom_m = -0.034;
+  constexpr double kWay_m = 0.048;  // the surface is 2 mm away, and gives way
+  constexpr double kRest_s = 0.3;
+  constexpr double kBack_m = 0.015;
+  Path path{
+      .name = "blade, 40 mm",
+      .scene = load_session(test::source_dir() + "/deploy/sessions/tools/incision.txtpb").scene,
+      .tip_m = {},
+      .seconds = (kWay_m + kBack_m) / kSpeed_m_per_s + kRest_s};
+  path.tip_m = [=](double time_s) {
+    const double in_m = std::min(kWay_m, kSpeed_m_per_s * time_s);
+    const double back_m = std::max(0.0, kSpeed_m_per_s * (time_s - kRest_s) - kWay_m);
+    return Vector3(kFrom_m + in_m - back_m, 0.001, -0.008);
+  };
+  return path;
+}
+
+/// A block of the size of that of `incision`, so many times as fine.
+SceneConfig refined(const SceneConfig& scene, double times, const TempFolder& folder) {
+  const auto cells = [&](int coarse) { return static_cast<int>(std::lround(coarse * times)); };
+  const elastic::Mesh box = elastic::box_mesh(elastic::equal_planes(-0.03, 0.03, cells(14)),
+                                              elastic::equal_planes(-0.015, 0.015, cells(7)),
+                                              elastic::equal_planes(-0.02, 0.0, cells(5)));
+  physics::TetrahedralMesh mesh;
+  mesh.nodes_m.assign(box.nodes_m.begin(), box.nodes_m.end());
+  for (std::size_t e = 0; e < box.element_count(); ++e) {
+    const auto corners = box.element(e);
+    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
+  }
+  SceneConfig made = scene;
+  std::get<FileGeometry>(made.tissues.front().geometry).file =
+      folder.write("block.msh", physics::msh_text(mesh));
+  return made;
+}
+
+/// What a change of topology takes, beside a body that is made for the first time.
+void report_changes(const SceneConfig& scene) {
+  constexpr int kChanges = 4;
+  const double begin_s = bench::cpu_s();
+  const auto body = physics::elastic_bodies_of(scene).front();
+  const auto shared = std::make_shared<physics::BodyCompliance>(body);
+  const double made_s = bench::cpu_s() - begin_s;
+  physics::Ablation ablation(shared, {}, scene.tip_radius_m, 1, false, true);
+  physics::BladeSweep sweep;
+  sweep.begin(1,
+              {.from_m = {-0.03, 0.001, -0.008},
+               .facing = Vector3::UnitX(),
+               .along = Vector3::UnitZ(),
+               .length_m = scene.blade->length_m},
+              *body, ablation.opposite_sides(), 0.0);
+  elastic::VectorXd x_m = body->start_m;
+  double worst_s = 0.0;
+  for (int i = 1; i <= kChanges; ++i) {
+    const auto step = sweep.advance({0.01 * i, 0, 0}, *body, ablation.present(), *body->pierced);
+    ablation.cut(0, step.sweep, scene.blade->reach_m);
+    const double from_s = bench::cpu_s();
+    static_cast<void>(ablation.advance(0.02, x_m));  // makes it
+    worst_s = std::max(worst_s, bench::cpu_s() - from_s);
+    for (int wait = 0; wait < 20; ++wait) {
+      if (const auto made = ablation.advance(0.02, x_m)) x_m = made->body()->start_m;
+    }
+  }
+  fmt::print(
+      "{} tetrahedra: {:.0f} ms to load, at most {:.0f} ms processor time for a cut by 10 mm more, "
+      "with the compliance beside the edge; {} faces, projected {:.0f} mm² of {:.0f} mm² swept\n",
+      body->body->mesh().element_count(), 1e3 * made_s, 1e3 * worst_s, ablation.figures().faces_cut,
+      1e6 * ablation.figures().separated_m2, 1e6 * ablation.figures().swept_m2);
+}
+
 std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
   const Vector3 from_m(0.003, 0.002, tip_z_m);
   const auto with = [&](double slip_newton, double tear_newton) {
@@ -162,15 +237,16 @@ std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
           {"retract aside, 20 mm", with(100, 100), to_and_fro(from_m, {0.015, 0, 0.013})},
           {"slip", with(0.8, 100), to_and_fro(from_m, {0, 0, 0.020})},
           {"tear", with(100, 0.8), to_and_fro(from_m, {0, 0, 0.020})},
-          needle_path()};
+          needle_path(),
+          blade_path()};
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "The force of tissue in the jaws of a gripper, or around a needle, at the other end of a "
-      "network, against full "
+      "The force of tissue in the jaws of a gripper, around a needle or a blade, at the other end "
+      "of a network, against full "
       "solutions with the same constraints every 1 ms. Open loop, virtual time.",
       "grasp_bench"};
   BenchOptions options;
@@ -230,5 +306,11 @@ int main(int argc, char** argv) {
       }
     }
     table.publish(options);
+    if (std::string("blade").find(only) == std::string::npos || only.empty()) return;
+    const SceneConfig incision = blade_path().scene;
+    const TempFolder folder;
+    for (const double times : options.is_quick ? std::vector{1.0} : std::vector{1.0, 1.6, 2.75}) {
+      report_changes(refined(incision, times, folder));
+    }
   });
 }

@@ -95,6 +95,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "port",
       "normal",
       "tangent",
+      "facing",
       "x",
       "y",
       "z",  // of a vector, which says it

@@ -169,6 +169,62 @@ TEST(Needle, WhateverTheSpringASlipDissipates) {
   }
 }
 
+/// A blade that cuts along x, its edge along z.
+NeedleLaw blade_at(double deepest_m) {
+  return {.inward_world = Vector3::UnitX(),
+          .cutting_newton = kCut_newton,
+          .deepest_m = deepest_m,
+          .edge_world = Vector3::UnitZ(),
+          .friction_newton = 0.1};
+}
+
+// 0.5 N cut and rub; across the blade it holds whatever acts there.
+TEST(Blade, CutsWhereItFacesSlidesAlongItsEdgeAndHoldsAcross) {
+  const Matrix3 K = kAxis_newton_per_m * Matrix3::Identity();
+  const NeedleLaw blade = blade_at(0.01);
+  EXPECT_EQ(slip_of_needle({-0.499, 5.0, 0.099}, K, blade, 0.01).slip_m, Vector3::Zero());
+  const GripSlip cuts = slip_of_needle({-0.8, 5.0, 0.0}, K, blade, 0.01);
+  EXPECT_NEAR((cuts.slip_m - Vector3(0.001, 0, 0)).norm(), 0.0, 1e-15);
+  EXPECT_NEAR((cuts.force_on_tool_newton - Vector3(-0.5, 5.0, 0)).norm(), 0.0, 1e-12);
+  const GripSlip slides = slip_of_needle({0.0, 5.0, -0.4}, K, blade, 0.01);
+  EXPECT_NEAR((slides.slip_m - Vector3(0, 0, 0.001)).norm(), 0.0, 1e-15);
+  EXPECT_NEAR((slides.force_on_tool_newton - Vector3(0, 5.0, -0.1)).norm(), 0.0, 1e-12);
+  // back in its cut: friction alone
+  const GripSlip back = slip_of_needle({0.4, 5.0, 0.0}, K, blade, 0.01);
+  EXPECT_NEAR((back.slip_m - Vector3(-0.001, 0, 0)).norm(), 0.0, 1e-15);
+  EXPECT_NEAR(back.force_on_tool_newton.x(), 0.1, 1e-12);
+}
+
+TEST(Blade, WhateverTheSpringASlipTakesEnergyOut) {
+  Random random(43);
+  int slides = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    const Matrix3 K = spring(random);
+    const Vector3 force = some(random, 20.0);
+    NeedleLaw blade{.inward_world = (some(random, 1.0) + 2.0 * Vector3::UnitX()).normalized(),
+                    .cutting_newton = random.uniform(0.0, 5.0),
+                    .spreading_newton = random.uniform(0.0, 5.0),
+                    .deepest_m = random.uniform(0.0, 0.1),
+                    .friction_newton = random.chance(0.2) ? 0.0 : random.uniform(0.0, 5.0)};
+    blade.edge_world = blade.inward_world.cross(some(random, 1.0)).normalized();
+    const double depth_m = random.uniform(0.0, 0.1);
+    const GripSlip slip = slip_of_needle(force, K, blade, depth_m);
+    ASSERT_TRUE(slip.force_on_tool_newton.allFinite() && slip.slip_m.allFinite());
+    const Vector3 normal = blade.inward_world.cross(blade.edge_world);
+    ASSERT_NEAR(slip.slip_m.dot(normal), 0.0, 1e-12);
+    if (slip.is_out) continue;
+    ASSERT_NEAR((slip.force_on_tool_newton - force - K * slip.slip_m).norm(), 0.0,
+                1e-7 * force.norm());
+    // the spring has lost at least what the two steps have dissipated, each ≥ 0
+    const auto stored = [&](const Vector3& f) { return 0.5 * f.dot(K.inverse() * f); };
+    ASSERT_LE(stored(slip.force_on_tool_newton), (1 + 1e-9) * stored(force));
+    const double along_newton = std::abs(slip.force_on_tool_newton.dot(blade.edge_world));
+    ASSERT_LE(along_newton, blade.friction_newton + 1e-7 * force.norm());
+    slides += std::abs(slip.slip_m.dot(blade.edge_world)) > 0.0 ? 1 : 0;
+  }
+  EXPECT_GT(slides, 1000) << "this says nothing";
+}
+
 // The work of an insertion at any speed: J × width × way, what spreads and rubs, and what the
 // spring has.
 TEST(Needle, TheWorkOfAnInsertionIsToughnessTimesAreaAndFriction) {

@@ -279,6 +279,7 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
             path == "surface.coverages.to_m" || path == "counters.standby_interaction" ||
             path == "wave" || path == "acted" || path == "elastic_receipts" || path == "elastic" ||
             path == "grip" || path == "contacts.grip" || path == "contacts.grip.needle" ||
+            path == "contacts.grip.needle.edge_world" ||
             path == "surface.description.motion_amplitude_m") {  // optional
           TypeParam message;
           EXPECT_EQ(decoded(frame, message), DecodeError::kNone);

@@ -296,6 +296,35 @@ TEST(InteractionCodec, RefusesAnInvalidGrip) {
   pierced([](v1::Needle& n) { n.set_spreading_newton(-1e-9); }, false);
   pierced([](v1::Needle& n) { n.set_friction_newton_per_m(1.01e6); }, false);
   pierced([](v1::Needle& n) { n.set_deepest_m(-1e-9); }, false);
+  pierced([](v1::Needle& n) { n.set_friction_newton(1e4); }, true);
+  pierced([](v1::Needle& n) { n.set_friction_newton(1.01e4); }, false);
+  pierced([](v1::Needle& n) { n.set_friction_newton(-1e-9); }, false);
+  // a blade: its edge is at a right angle to where it cuts
+  pierced([](v1::Needle& n) { n.mutable_edge_world()->set_x(1.0); }, true);
+  pierced([](v1::Needle& n) { n.mutable_edge_world()->set_x(1.01); }, false);
+  pierced([](v1::Needle& n) { n.mutable_edge_world(); }, false);
+  pierced(
+      [](v1::Needle& n) {
+        n.mutable_edge_world()->set_x(std::sqrt(1.0 - 1e-10));
+        n.mutable_edge_world()->set_z(1e-5);
+      },
+      false);
+}
+
+// What a needle says is what it said before there were blades.
+TEST(InteractionCodec, ANeedleHasNothingOfABladeOnTheWire) {
+  Random random(6);
+  for (int i = 0; i < 100; ++i) {
+    auto said = test::random_message<Interaction>(random);
+    if (!said.contacts[0].grip.needle.is_there()) continue;
+    said.contacts[0].grip.needle.edge_world.setZero();
+    said.contacts[0].grip.needle.friction_newton = 0.0;
+    const auto wire = opened<Interaction>(encoded(said));
+    const v1::Needle& needle = wire.contacts(0).grip().needle();
+    EXPECT_FALSE(needle.has_edge_world());
+    EXPECT_EQ(needle.friction_newton(), 0.0);
+    EXPECT_EQ(needle.GetReflection()->GetUnknownFields(needle).field_count(), 0);
+  }
 }
 
 // Nothing of a gripper travels where none is: hops 2 and 3 are what they were, byte for byte.

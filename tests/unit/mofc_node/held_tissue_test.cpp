@@ -238,6 +238,40 @@ TEST_F(Held, ANeedleKnowsItsHole) {
   EXPECT_LT(go_to(-0.03), kCut_newton + kRub_newton_per_m * 0.03 - 0.1);
 }
 
+// One message for all of it: 20 mm of tissue, whatever the delay, and back through the cut.
+TEST_F(Held, ABladeCutsAndComesBackThroughItsCut) {
+  Interaction said = pierced();
+  said.contacts[0].grip.needle = {.inward_world = Vector3::UnitX(),
+                                  .cutting_newton = kCut_newton,
+                                  .edge_world = Vector3::UnitZ(),
+                                  .friction_newton = 0.1};
+  double x_m = 0.0;
+  double work = 0.0;
+  double newton = 0.0;
+  const auto go = [&](double way_m) {
+    x_m += way_m;
+    const double now =
+        held_.step(said, 0, {x_m, 0, 0}, Vector3::Zero(), kHeldTick_s).force_on_tool_newton.x();
+    work -= 0.5 * (newton + now) * way_m;
+    newton = now;
+  };
+  while (x_m < 0.02) go(2e-5);
+  EXPECT_EQ(held_.state(), State::kCuts);
+  EXPECT_NEAR(newton, -0.5, 1e-9);
+  const double depth_m = held_.report()->slip_m.x();
+  EXPECT_NEAR(work, 0.5 * depth_m + 0.5 * 0.5 * 0.5 / kSpring_newton_per_m, 0.002 * work);
+  while (x_m > 0.01) go(-2e-5);
+  EXPECT_NEAR(newton, 0.1, 1e-9);
+  while (x_m < 0.015) go(2e-5);
+  EXPECT_NEAR(newton, -0.1, 1e-9);
+  go(-1e-6);
+  EXPECT_EQ(held_.state(), State::kPierced);
+  // along its edge it slides, across it holds
+  const ModelForce aside = held_.step(said, 0, {x_m, 0.001, 0.01}, Vector3::Zero(), kHeldTick_s);
+  EXPECT_NEAR(aside.force_on_tool_newton.z(), -0.1, 1e-9);
+  EXPECT_NEAR(aside.force_on_tool_newton.y(), -0.001 * kSpring_newton_per_m, 1e-9);
+}
+
 TEST_F(Held, ANeedleHoldsAcross) {
   const Interaction said = pierced();
   for (int tick = 0; tick < 1000; ++tick) pull(said, -2e-5 * tick, 0);

@@ -328,6 +328,60 @@ TEST(NeedleRules, NeedsTissueThatLetsItInAndFiguresInRange) {
               at("part[0].toughness_joule_per_m2", "sphere"));
 }
 
+// --- scene.tool.blade
+// -------------------------------------------------------------------------------
+
+std::string with_blade(const std::string& blade, const std::string& elastic = kPierced,
+                       const std::string& tool = "", const std::string& more = "") {
+  return "name: \"x\" " + more + " scene { tool { tip_radius_m: 0.002 blade { " + blade + " } " +
+         tool + " } tissue { name: 'a' " + std::string(kMesh) + " elastic { " + kHeld + " " +
+         elastic + " } } }";
+}
+
+TEST(BladeRules, HasDefaultsThatFollowTheTip) {
+  const Session session = parse_session(with_blade("length_m: 0.02"), "x.txtpb", {}, "/tmp");
+  ASSERT_TRUE(session.scene.blade);
+  EXPECT_DOUBLE_EQ(session.scene.blade->reach_m, 0.003);
+  EXPECT_EQ(session.scene.blade->facing, Vector3(Vector3::UnitX()));
+  ASSERT_TRUE(session.scene.holder());
+  EXPECT_TRUE(session.scene.holder()->is_needle());  // as which it goes in
+  EXPECT_TRUE(session.scene.holder()->is_blade());
+  EXPECT_DOUBLE_EQ(session.scene.holder()->needle_width_m, 0.004);
+  EXPECT_TRUE(is_restorable(session.scene, session.scene.tissues[0]));
+  const Session turned =
+      parse_session(with_blade("length_m: 0.001 facing { x: 3 y: -4 }"), "x.txtpb", {}, "/tmp");
+  EXPECT_NEAR((turned.scene.blade->facing - Vector3(0.6, -0.8, 0)).norm(), 0.0, 1e-12);
+  EXPECT_DOUBLE_EQ(turned.scene.holder()->needle_width_m, 0.001);
+}
+
+TEST(BladeRules, NeedsTissueThatItCutsAndFiguresInRange) {
+  const std::string ok = "length_m: 0.02 ";
+  const auto complaint = [](const std::string& blade, const std::string& elastic = kPierced,
+                            const std::string& tool = "", const std::string& more = "") {
+    return complaints(with_blade(blade, elastic, tool, more), {}, "/tmp");
+  };
+  const auto at = [](const std::string& field, const std::string& words) {
+    return AllOf(SizeIs(2), ::testing::Contains(
+                                AllOf(StartsWith("x.txtpb:"), HasSubstr(field), HasSubstr(words))));
+  };
+  EXPECT_THAT(complaint("length_m: 0.1 most_points: 1"), IsEmpty());
+  EXPECT_THAT(complaint(""), at("blade.length_m", "edge"));
+  EXPECT_THAT(complaint("length_m: 0"), at("blade.length_m", "0"));
+  EXPECT_THAT(complaint("length_m: 0.11"), at("blade.length_m", "0.1"));
+  EXPECT_THAT(complaint(ok + "facing { z: 1 }"), at("blade.facing", "right angle"));
+  EXPECT_THAT(complaint(ok + "reach_m: 0.11"), at("blade.reach_m", "0.1"));
+  EXPECT_THAT(complaint(ok + "most_points: 65"), at("blade.most_points", "64"));
+  EXPECT_THAT(complaint(ok + "stiffness_newton_per_m: 9"),
+              at("blade.stiffness_newton_per_m", "10"));
+  EXPECT_THAT(complaint(ok, ""), at("scene.tool.blade", "pierced"));
+  EXPECT_THAT(complaint(ok, kPierced, "needle {}"), at("scene.tool.blade", "needle"));
+  EXPECT_THAT(complaint(ok, kPierced, "gripper {}"), at("scene.tool.blade", "gripper"));
+  EXPECT_THAT(complaint(ok, kPierced, "", "physics { standby {} }"), at("standby", "cut"));
+  EXPECT_THAT(complaint(ok, kPierced + " attached { where { half_space {} } stiffness_pa_per_m: "
+                                       "2e5 toughness_joule_per_m2: 5 }"),
+              at("scene.tool.blade", "tears"));
+}
+
 // --- scene.tool.electrode
 // ---------------------------------------------------------------------------
 

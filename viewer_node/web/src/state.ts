@@ -90,7 +90,8 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
     case Mofc.contact:
       if (telemetry.grip === Grip.holds && !telemetry.is_clamped) return words("holds", "Holds tissue", "The jaws hold tissue: its force is rendered.", "active");
       if (telemetry.grip === Grip.slips && !telemetry.is_clamped) return words("slips", "Slips", "The tissue slips in the jaws: the force is more than they hold.", "notice");
-      if (telemetry.grip === Grip.pierced && !telemetry.is_clamped) return words("pierced", "Needle in tissue", "The needle moves with the tissue.", "active");
+      if (telemetry.grip === Grip.pierced && !telemetry.is_clamped) return words("pierced", "In tissue", "The needle or blade moves with the tissue.", "active");
+      if (telemetry.grip === Grip.cuts && !telemetry.is_clamped) return words("cuts", "Blade moves", "The blade cuts the tissue, or slides in its cut.", "active");
       if (telemetry.grip === Grip.pierces && !telemetry.is_clamped) return words("pierces", "Needle moves", "The needle goes into the tissue, or out of it.", "active");
       return telemetry.is_clamped
         ? telemetry.is_exhausted

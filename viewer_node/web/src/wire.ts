@@ -300,8 +300,8 @@ export interface Acknowledgement {
 export enum Guard { limp, answered, leased, fallback, fading, fault }
 export enum Phase { unknown, closed, connected, calibrated, enabled, faulted, checking }
 export enum Mofc { no_physics, free, contact, fading, clutched }
-/** What the jaws of the tool do, or a needle: bits kGripShift … + 2 of the flags of mofc_node. */
-export enum Grip { none, holds, slips, torn, slipped, pierced, pierces }
+/** What the jaws of the tool do, a needle or a blade: bits kGripShift … + 2 of the flags of mofc_node. */
+export enum Grip { none, holds, slips, torn, slipped, pierced, pierces, cuts }
 export const kGripShift = 3;
 export const kFaultReasons =
   ["none", "the device gave no reading", "a reading was not finite", "the position jumped",
