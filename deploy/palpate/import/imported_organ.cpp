@@ -374,7 +374,7 @@ class Import {
         1e3 * organ_.smoothing_m);
     if (is_linear()) {
       text += text_of(
-          "  more than %zu tetrahedra: as linear elements, which are a few percent too stiff; "
+          "  more than %zu tetrahedra: as linear elements, which are some 14 %% too stiff; "
           "fewer are quadratic, and truer\n",
           scan::kMostQuadratic);
     }
