@@ -228,7 +228,8 @@ TEST(DynamixelEnergy, AStopIsFelt) {
   EXPECT_GT(free.made_ratio, 0.98);
 }
 
-// PALPATE_SEEDS=5 for ten thousand cycles: the pseudo-terminal has each of them wait for the kernel.
+// PALPATE_SEEDS=5 for ten thousand cycles: the pseudo-terminal has each of them wait for the
+// kernel.
 TEST(DynamixelEnergy, TheHandIsNeverDriven) {
   for (const std::uint64_t seed : test::seeds(1)) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
