@@ -327,6 +327,7 @@ CutOf40mm cut_40_mm(const SceneConfig& scene, double y_m = 0.001) {
 }
 
 TEST_F(BladeScene, TheWorkIsToughnessTimesAreaWhateverTheMesh) {
+  if (test::kIsSanitized) GTEST_SKIP() << "too slow";
   const CutOf40mm coarse = cut_40_mm(scene_);
   set(30, 15, 10);
   const CutOf40mm fine = cut_40_mm(scene_);
