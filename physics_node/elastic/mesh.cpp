@@ -222,4 +222,12 @@ MeshQuality quality_of(const Mesh& mesh) {
   return quality;
 }
 
+double distance_to_edge_m(const Vector3d& at_m, const std::array<Vector3d, 2>& edge_m) {
+  const Vector3d way_m = edge_m[1] - edge_m[0];
+  const Vector3d from_m = at_m - edge_m[0];
+  const double length2 = std::max(way_m.squaredNorm(), 1e-18);
+  const double share = std::clamp(from_m.dot(way_m) / length2, 0.0, 1.0);
+  return (from_m - share * way_m).norm();
+}
+
 }  // namespace palpate::elastic

@@ -107,4 +107,8 @@ struct MeshQuality {
 inline constexpr double kSliver = 0.1;
 [[nodiscard]] MeshQuality quality_of(const Mesh& mesh);
 
+/// From a straight line between two ends.
+[[nodiscard]] double distance_to_edge_m(const Vector3d& at_m,
+                                        const std::array<Vector3d, 2>& edge_m);
+
 }  // namespace palpate::elastic

@@ -16,13 +16,9 @@ constexpr double kMostChange = 3.0;
 void HeldPoints::take_beside(const std::vector<SurfacePoint>& points, const double* rest_m,
                              const std::array<Vector3d, 2>& edge_m, double reach_m,
                              std::size_t most, double newton_per_m, const Vector3d& origin_m) {
-  const Vector3d way_m = edge_m[1] - edge_m[0];
-  const double length2 = std::max(way_m.squaredNorm(), 1e-18);
   std::vector<std::pair<double, std::size_t>> near;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vector3d from_m = points[i].position_m(rest_m) - edge_m[0];
-    const double share = std::clamp(from_m.dot(way_m) / length2, 0.0, 1.0);
-    const double distance_m = (from_m - share * way_m).norm();
+    const double distance_m = distance_to_edge_m(points[i].position_m(rest_m), edge_m);
     if (distance_m <= reach_m) near.emplace_back(distance_m, i);
   }
   if (near.empty()) return;

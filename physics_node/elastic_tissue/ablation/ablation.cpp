@@ -126,10 +126,8 @@ void Ablation::order(const elastic::VectorXd& x_m) {
     const Vector3 start_m =
         whole_->body()->start_m.segment<3>(3 * Eigen::Index{present_->nodes[i]});
     const bool is_at_edge = std::any_of(edges_.begin(), edges_.end(), [&](const Edge& edge) {
-      const Vector3 way_m = edge.to_m - edge.from_m;
-      const double share = std::clamp(
-          (start_m - edge.from_m).dot(way_m) / std::max(way_m.squaredNorm(), 1e-18), 0.0, 1.0);
-      return (start_m - edge.from_m - share * way_m).norm() < kBesideReaches * edge.reach_m;
+      return elastic::distance_to_edge_m(start_m, {edge.from_m, edge.to_m}) <
+             kBesideReaches * edge.reach_m;
     });
     const bool is_known = !near.empty() && near.back() == present_->nodes[i];  // another copy
     if ((is_near || is_at_edge) && !is_known) near.push_back(present_->nodes[i]);

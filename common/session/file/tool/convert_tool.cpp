@@ -60,16 +60,13 @@ bool is_elastic(const TissueConfig& tissue) {
   return std::holds_alternative<ElasticMaterial>(tissue.material);
 }
 
-/// What a blade cuts does not tear off: @see AblatedBody.
-bool is_cut_and_torn(const TissueConfig& tissue) {
-  const auto* const elastic = std::get_if<ElasticMaterial>(&tissue.material);
-  return elastic != nullptr && elastic->pierced.has_value() && can_tear(tissue);
-}
-
 bool is_pierced(const TissueConfig& tissue) {
   const auto* const elastic = std::get_if<ElasticMaterial>(&tissue.material);
   return elastic != nullptr && elastic->pierced.has_value();
 }
+
+/// What a blade cuts does not tear off: @see AblatedBody.
+bool is_cut_and_torn(const TissueConfig& tissue) { return is_pierced(tissue) && can_tear(tissue); }
 
 void add_blade(const Fields& tool, SceneConfig& config) {
   config.blade = to_blade(tool.message("blade"), config.tip_radius_m);
