@@ -76,39 +76,43 @@ class DeviceFaults : public testing::Test {
   /// @param setting  connects the session with the emulator
   void run_rows(const std::string& device, device::EmulatedDevice& emulated,
                 const std::string& setting, Duration watchdog = kMotorWatchdog) {
+    for (const WireFaultRow& row : kWireFaultRows) {
+      SCOPED_TRACE(device + " " + row.name);
+      run_row(device, emulated, setting, row, limit_of(row, watchdog));
+    }
+  }
+
+  /// A launch of its own: what a clamp owes from an earlier fault on a busy machine is not the
+  /// next one's.
+  static void run_row(const std::string& device, device::EmulatedDevice& emulated,
+                      const std::string& setting, const WireFaultRow& row, Duration limit) {
     Program launch("palpate",
                    {"launch", test::source_dir() + "/deploy/sessions/" + device + ".txtpb", "--set",
                     setting, "--set", "device.accept=NO_MOTOR_WATCHDOG", "--no-viewer"});
     const pid_t node = std::stoi(launch.await_err("event=node_started node=device pid="));
-    int resets = 0;
     ASSERT_TRUE(is_enabled(launch)) << launch.err();
-    for (const WireFaultRow& row : kWireFaultRows) {
-      SCOPED_TRACE(device + " " + row.name);
-      const Duration limit = limit_of(row, watchdog);
-      // the fault begins while the hand presses
-      ASSERT_TRUE(await([&] { return emulated.acting_newton() > kPressedNewton; })) << launch.err();
-      const double begin_s = emulated.now_s();
-      emulated.plan({.kind = row.kind, .from_s = begin_s, .length_s = row.length_s});
-      ASSERT_TRUE(await([&] { return emulated.now_s() > begin_s + row.length_s; }));
-      if (row.is_fault) {
-        ++resets;
-        ASSERT_TRUE(await([&] {
-          kill(node, SIGUSR2);
-          std::this_thread::sleep_for(20ms);
-          return times_in(launch.err(), "event=device_fault_reset") >= resets;
-        })) << launch.err();
-        ASSERT_TRUE(is_enabled(launch, 1 + resets)) << launch.err();
-      }
-      const device::FaultOutcome outcome = emulated.outcomes().back();
-      std::printf("| %s %s | %.2f N | pushed for %.1f ms (%.0f ms) | least true energy %.1f µJ |\n",
-                  device.c_str(), row.name, outcome.force_newton,
-                  1e3 * to_seconds(outcome.pushed_for), 1e3 * to_seconds(limit),
-                  1e6 * emulated.least_energy_joule());
-      EXPECT_LE(outcome.pushed_for, limit);
-      EXPECT_GE(emulated.least_energy_joule(), -kLostJoule);
+    // the fault begins while the hand presses
+    ASSERT_TRUE(await([&] { return emulated.acting_newton() > kPressedNewton; })) << launch.err();
+    const auto count = [&](const char* event) { return times_in(launch.err(), event); };
+    const int resets = count("event=device_fault_reset");
+    const int enablings = count("event=device_phase phase=enabled");
+    const double begin_s = emulated.now_s();
+    emulated.plan({.kind = row.kind, .from_s = begin_s, .length_s = row.length_s});
+    ASSERT_TRUE(await([&] { return emulated.now_s() > begin_s + row.length_s; }));
+    const device::FaultOutcome outcome = emulated.outcomes().back();
+    std::printf("| %s %s | %.2f N | pushed for %.1f ms (%.0f ms) | least true energy %.1f µJ |\n",
+                device.c_str(), row.name, outcome.force_newton,
+                1e3 * to_seconds(outcome.pushed_for), 1e3 * to_seconds(limit),
+                1e6 * emulated.least_energy_joule());
+    EXPECT_LE(outcome.pushed_for, limit);
+    EXPECT_GE(emulated.least_energy_joule(), -kLostJoule);
+    if (row.is_fault) {
+      ASSERT_TRUE(await([&] {
+        kill(node, SIGUSR2);
+        return count("event=device_fault_reset") > resets;
+      })) << launch.err();
+      ASSERT_TRUE(is_enabled(launch, enablings + 1)) << launch.err();
     }
-    EXPECT_TRUE(await([&] { return emulated.acting_newton() > kPressedNewton; }))
-        << "the force does not return";
     launch.send_signal(SIGINT);
     EXPECT_EQ(launch.wait(), 0) << launch.err();
   }
