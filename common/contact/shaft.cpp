@@ -10,6 +10,8 @@ namespace {
 
 constexpr int kFineSteps = 12;
 constexpr double kLevel = 1e-6;
+// Distances differ by rounding [m].
+constexpr double kSame_m = 1e-12;
 
 /// What earlier searches know of the places on this segment.
 void follow(const ShaftSegment& segment, ShaftSearch& search) noexcept {
@@ -78,8 +80,8 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
     const Seen seen = look(along_m);
     search.cells[i] = hint.cell;
     at_least_m = std::min(seen.view.distance_m, unknown_m);
-    // nothing found, or not all examined
-    if (!std::isfinite(seen.view.distance_m)) {
+    // not all examined, or nothing found where all was looked for
+    if (!std::isfinite(seen.view.distance_m) && (hint.is_exhausted() || !hint.only_covered)) {
       at_least_m = -std::numeric_limits<double>::infinity();
     }
     if (hint.uncovered_views > uncovered_views) {
@@ -130,7 +132,10 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
                            next_m < std::max(end.along_m, best.along_m);
     if (!is_within) next_m = 0.5 * (best.along_m + end.along_m);
     const Seen seen = look(next_m);
-    if (seen.view.distance_m < best.view.distance_m) {
+    const bool is_nearer = seen.view.distance_m < best.view.distance_m ||
+                           (seen.view.distance_m < best.view.distance_m + kSame_m &&
+                            std::abs(seen.slope) < std::abs(best.slope));
+    if (is_nearer) {
       (best.slope > 0.0 ? high : low) = end_at(best);
       best = seen;
     } else {

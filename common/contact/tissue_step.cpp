@@ -89,6 +89,7 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double r
   shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m},
                    most_work_);
   Proxy& proxy = shaft.proxy;
+  proxy.hint.only_covered = only_covered_;
   const Vector3 held_m = proxy.place_m - proxy.point_m;
   const Vector3 tip_moved_m = this->moved_m();
   const double travel_m = std::max(

@@ -88,8 +88,11 @@ LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Inter
     result = Result{.is_stepped = true, .tissue = tissue.tissue(), .force = memory.force};
   } else if (!result) {
     forget(memory);
-    memory.most_way_m = std::max(kLeastWay_m, 0.5 * std::min(way_m, memory.most_way_m));
     result = Result{.is_stepped = true, .tissue = tissue.tissue()};
+  }
+  // of a shorter way less needs to be known, and it is less work
+  if (!has_share && !result->is_valid && !memory.is_behind) {
+    memory.most_way_m = std::max(kLeastWay_m, 0.5 * std::min(way_m, memory.most_way_m));
   }
   memory.is_begun = result->is_valid || memory.is_behind || (has_share && !(is_held && is_anew));
   if (result->is_valid) memory.most_way_m = std::numeric_limits<double>::infinity();

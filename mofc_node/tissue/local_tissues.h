@@ -86,7 +86,8 @@ class LocalTissues {
     std::optional<ToolPose> pose{};
     FreeBall free{};
     ModelForce force{};  // of the last step
-    // A tissue that nobody uses yet catches up with the tool on ways that are not too much work.
+    // A tissue that nobody uses yet catches up with the tool on ways that are not too much work,
+    // and along which enough is known.
     double most_way_m = std::numeric_limits<double>::infinity();
     bool is_behind = false;
   };
