@@ -41,6 +41,10 @@ double reference_newton(const std::optional<Ball>& lesion, double depth_m = kTou
 // What is left of the error is that balls are no half spaces.
 TEST(AxisymmetricBall, FollowsHertzWhereItIsTouchedLightlyAndConverges) {
   constexpr double kDepth_m = 0.2e-3;
+  if (test::kIsSanitized) {  // the figures take minutes
+    EXPECT_GT(reference_newton({}, kTouchDepth_m, 3.2e-3), 0.0);
+    return;
+  }
   const double radius_m = 1.0 / (1.0 / kBallRadius_m + 1.0 / kTouchRadius_m);
   const double hertz_newton =
       4.0 / 3.0 * kYoung_pa / (1.0 - 0.45 * 0.45) * std::sqrt(radius_m) * std::pow(kDepth_m, 1.5);
