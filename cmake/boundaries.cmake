@@ -85,7 +85,7 @@ set(PALPATE_BOUNDARIES
   "physics_node/engine_process:common/*,physics_node,physics_node/answer,physics_node/display/display.h,physics_node/foreign,physics_node/sdk/physics.h,@log,@cli"
   "physics_node/engines/bullet:physics_node/sdk/physics.h"
   "physics_node/engines/mujoco:physics_node/sdk/physics.h"
-  "physics_node:common/core,common/coupling,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/answer,physics_node/library,physics_node/scene,physics_node/elastic_tissue"
+  "physics_node:common/core,common/coupling,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/answer,physics_node/library,physics_node/scene,physics_node/elastic_tissue,physics_node/elastic_tissue/patch"
   # what hop 3 carries of a step: models, descriptions, waves, and when
   "physics_node/answer:common/core,common/coupling,common/contact,common/session/scene_config.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
@@ -94,9 +94,10 @@ set(PALPATE_BOUNDARIES
   "physics_node/elastic/linear:common/contact/elastic/clones.h,physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/contact/tiles,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
-  "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/contact/elastic,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/condensed,physics_node/elastic/cut,physics_node/elastic/grip,physics_node/elastic_tissue/ablation,physics_node/elastic_tissue/blade,physics_node/elastic_tissue/needle,@threads"
+  "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/contact/elastic,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/condensed,physics_node/elastic/cut,physics_node/elastic/grip,physics_node/elastic_tissue/ablation,physics_node/elastic_tissue/blade,physics_node/elastic_tissue/needle,physics_node/elastic_tissue/patch,@threads"
+  "physics_node/elastic_tissue/patch:common/core,common/core/elastic,physics_node/elastic,physics_node/elastic/condensed,physics_node/elastic_tissue"
   "physics_node/elastic_tissue/needle:common/core,common/session/scene_config.h,physics_node/elastic_tissue"
-  "physics_node/elastic_tissue/ablation:common/core,common/session/scene_config.h,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/cut,physics_node/elastic_tissue,@threads"
+  "physics_node/elastic_tissue/ablation:common/core,common/session/scene_config.h,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/cut,physics_node/elastic_tissue,physics_node/elastic_tissue/patch,@threads"
   "physics_node/elastic_tissue/blade:common/core,common/session/scene_config.h,physics_node/elastic/cut,physics_node/elastic_tissue,physics_node/elastic_tissue/ablation"
   # the tissue by itself: in physics_node, and without processes; installed with its C interface
   "physics_node/library:common/core,common/contact,common/session,physics_node/files,physics_node/scene,physics_node/elastic_tissue,physics_node/display/display_mesh.h,@threads"

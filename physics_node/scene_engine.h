@@ -7,7 +7,7 @@
 #include "common/session/scene_config.h"
 #include "physics_node/answer/surface_sender.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
-#include "physics_node/elastic_tissue/patch_sender.h"
+#include "physics_node/elastic_tissue/patch/patch_sender.h"
 #include "physics_node/engine.h"
 #include "physics_node/library/scene_tool.h"
 #include "physics_node/scene/scene.h"

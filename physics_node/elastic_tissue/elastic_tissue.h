@@ -30,7 +30,7 @@
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 #include "physics_node/elastic_tissue/jaw.h"
 #include "physics_node/elastic_tissue/needle/piercing.h"
-#include "physics_node/elastic_tissue/patch_maker.h"
+#include "physics_node/elastic_tissue/patch/patch_maker.h"
 
 namespace palpate::physics {
 

@@ -15,7 +15,7 @@
 #include "mofc_node/tissue/tissue_model.h"
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
-#include "physics_node/elastic_tissue/patch_sender.h"
+#include "physics_node/elastic_tissue/patch/patch_sender.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
 #include "tests/support/machine/places.h"
@@ -126,6 +126,56 @@ TEST_F(SentPatch, HasEachTwoPointsInOneMessage) {
   }
   EXPECT_EQ(listed, static_cast<int>(kElasticSlots));
   EXPECT_GT(state.radius_m, kPatchBall_m);
+}
+
+/// A link of `bytes_per_s` with a queue, and a sender that always has something to say.
+struct Bottleneck {
+  double bytes_per_s = 0.0;
+  double jitter_s = 0.0;
+  double worst_queue_s = 0.0;  // after the first second
+  double mean_bytes_per_s = 0.0;
+
+  void run(double delay_s, double seconds) {
+    LinkRate rate;
+    Random random(4);
+    double queue_bytes = 0.0;
+    double sent_bytes = 0.0;
+    double age_s = 0.0;
+    const int ticks = static_cast<int>(1e3 * seconds);
+    std::deque<double> ages(static_cast<std::size_t>(1e3 * delay_s), 2.0 * delay_s);
+    for (int tick = 0; tick < ticks; ++tick) {
+      queue_bytes = std::max(0.0, queue_bytes + 1e-3 * (rate.bytes_per_s() - bytes_per_s));
+      sent_bytes += 1e-3 * rate.bytes_per_s();
+      const double queue_s = queue_bytes / bytes_per_s;
+      ages.push_back(2.0 * delay_s + queue_s + random.uniform(0.0, jitter_s));
+      age_s = std::max(ages.front(), age_s - age_s / 256.0);  // as TissueStore
+      ages.pop_front();
+      if (tick > 1000) worst_queue_s = std::max(worst_queue_s, queue_s);
+      rate.observe(from_seconds(age_s), TimePoint{} + from_seconds(5.0 + 1e-3 * tick));
+    }
+    mean_bytes_per_s = sent_bytes / seconds;
+  }
+};
+
+TEST(LinkRate, GrowsWhereTheLinkBearsItAndKeepsQueuesShort) {
+  Bottleneck fast{.bytes_per_s = 12.5e6};
+  fast.run(0.02, 10.0);
+  EXPECT_EQ(fast.worst_queue_s, 0.0);
+  EXPECT_GT(fast.mean_bytes_per_s, 0.85 * LinkRate::kMostBytesPerS);
+  for (const double mbit_per_s : {10.0, 16.0, 20.0}) {
+    SCOPED_TRACE(mbit_per_s);
+    Bottleneck slow{.bytes_per_s = 1e6 / 8.0 * mbit_per_s};
+    slow.run(0.02, 20.0);
+    EXPECT_LT(slow.worst_queue_s, 0.05);
+    EXPECT_GT(slow.mean_bytes_per_s, 0.7 * slow.bytes_per_s);
+  }
+}
+
+TEST(LinkRate, NeverFallsBelowItsLeast) {
+  Bottleneck jitter{.bytes_per_s = 12.5e6, .jitter_s = 0.06};
+  jitter.run(0.05, 10.0);
+  EXPECT_GE(jitter.mean_bytes_per_s, LinkRate::kLeastBytesPerS);
+  EXPECT_EQ(LinkRate{}.bytes_per_s(), LinkRate::kLeastBytesPerS);
 }
 
 struct Errors {

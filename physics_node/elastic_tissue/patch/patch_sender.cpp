@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "physics_node/elastic_tissue/patch_sender.h"
+#include "physics_node/elastic_tissue/patch/patch_sender.h"
 
 #include <algorithm>
 #include <limits>
@@ -67,7 +67,8 @@ void PatchSender::fill(ElasticTissues& tissues, std::size_t tool, const ToolMoti
   // a state soon, a point when its receipt is late
   const Duration repeat_state = age > Duration::zero() ? age / 3 : kRepeatBeforeAge;
   const Duration repeat_point = age > Duration::zero() ? age + age / 8 : kRepeatBeforeAge;
-  bytes_ = std::min(kMostBytesAtOnce, bytes_ + kMostBytesPerS * to_seconds(now - bytes_at_));
+  rate_.observe(age, now);
+  bytes_ = std::min(kMostBytesAtOnce, bytes_ + rate_.bytes_per_s() * to_seconds(now - bytes_at_));
   bytes_at_ = now;
   const bool has_room = !answer.surface.has_description && answer.surface.tile_count == 0 &&
                         answer.listed_count <= kMaxContactsWithElastic;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "physics_node/elastic_tissue/patch_maker.h"
+#include "physics_node/elastic_tissue/patch/patch_maker.h"
 
 #include <algorithm>
 #include <cmath>

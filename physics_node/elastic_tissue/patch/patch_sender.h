@@ -9,6 +9,7 @@
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "physics_node/elastic_tissue/patch/link_rate.h"
 
 namespace palpate::physics {
 
@@ -16,12 +17,10 @@ namespace palpate::physics {
 /// that takes them: a new state first, then points, pressed ones and the nearest to the tip's way
 /// first. What is not acknowledged is repeated, behind what is new: a state, while it is the
 /// newest, after a third of the loop's age, a point after 9/8 of it. One point or state per
-/// message, 3.3 kB at most, none in messages that carry tiles; in the mean at most kMostBytesPerS.
-/// No allocation, lock or throw.
+/// message, 3.3 kB at most, none in messages that carry tiles; in the mean as many bytes as the
+/// link bears. No allocation, lock or throw.
 class PatchSender {
  public:
-  static constexpr double kMostBytesPerS = 1e6;
-
   /// Fills answer.elastic; the rest of the answer is there.
   /// @param now  physics' clock, time of this step
   void fill(ElasticTissues& tissues, std::size_t tool, const ToolMotion& motion, TimePoint now,
@@ -58,6 +57,7 @@ class PatchSender {
   std::uint64_t next_number_ = 1;
   std::array<Sent, kMaxElasticPatches> sent_{};
   std::array<Carry, kCarries> carries_{};
+  LinkRate rate_;
   double bytes_ = 0.0;  // that may be sent
   TimePoint bytes_at_{};
 };
