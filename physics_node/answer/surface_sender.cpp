@@ -38,7 +38,10 @@ constexpr Duration kReceiptMargin = std::chrono::milliseconds(5);
 constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that is known as a whole
 constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
-constexpr Duration kFirstRepeat = std::chrono::milliseconds(40);  // while the loop's age is unknown
+// While the loop's age is unknown; twice as long after each sending, so that the rest is not kept
+// waiting by what is on its way.
+constexpr Duration kFirstRepeat = std::chrono::milliseconds(20);
+constexpr std::uint32_t kMostFirstDoublings = 5;
 
 /// The tile is no nearer than this to the line in the middle of the region.
 double at_least_m(const DescribedTissue& tissue, std::uint32_t tile,
@@ -317,8 +320,9 @@ void SurfaceSender::release(std::uint16_t index) noexcept {
 
 // --- what this message carries ------------------------------------------------------------------
 
-Duration SurfaceSender::repeat_after() const noexcept {
-  if (loop_age_ <= Duration::zero()) return kFirstRepeat;
+Duration SurfaceSender::repeat_after(std::uint32_t sendings) const noexcept {
+  if (loop_age_ <= Duration::zero())
+    return kFirstRepeat * (1U << std::min(sendings, kMostFirstDoublings));
   if (is_lossy_) return std::max(kLeastRepeat, loop_age_ / 3);
   return loop_age_ + kReceiptMargin + from_seconds(period_s_);
 }
@@ -326,7 +330,7 @@ Duration SurfaceSender::repeat_after() const noexcept {
 /// Not sent yet, or long enough ago.
 bool SurfaceSender::is_due(std::uint16_t index, TimePoint now) const noexcept {
   return index == kNoSlot || (!slots_[index].is_acknowledged && slots_[index].sent_at != now &&
-                              now - slots_[index].sent_at >= repeat_after());
+                              now - slots_[index].sent_at >= repeat_after(slots_[index].sendings));
 }
 
 bool SurfaceSender::has_room(std::uint32_t slot, std::uint32_t tile,

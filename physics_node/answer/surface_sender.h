@@ -122,7 +122,7 @@ class SurfaceSender {
                                         SurfaceNews& news) noexcept;
   void rank(const CapsuleGeometry& region) noexcept;
   void release(std::uint16_t slot) noexcept;
-  [[nodiscard]] Duration repeat_after() const noexcept;
+  [[nodiscard]] Duration repeat_after(std::uint32_t sendings) const noexcept;
 
   std::span<const DescribedTissue> tissues_;
   double period_s_;

@@ -17,7 +17,7 @@ constexpr double kLateTickUs = 1e3;
 /// From this period on no lease is reserved for a late tick: the reserve would take a share of the
 /// force all the time, a late tick takes a smaller one now and then. Where credit pays for it, the
 /// lease is longer anyhow.
-constexpr double kSlowPeriodUs = 5e3;
+constexpr double kSlowPeriodUs = 2.5e3;
 /// Of a period: answers within it have the first claim to the credit, later ones to what it has
 /// left.
 constexpr double kPromptRatio = 0.5;

@@ -60,7 +60,7 @@ TEST(SessionReference, HasUnitRangeDefaultAndMeaningOfAField) {
   EXPECT_THAT(text, HasSubstr("| `apex_m` | vector | m | – | 0, 0, -0.02 | Lowest point. |"));
   EXPECT_THAT(text,
               HasSubstr("| `lease_us` | number | µs | > 0 | 1 period and 1 ms, at most 2 periods; "
-                        "at 200 Hz and below 1 period |"));
+                        "at 400 Hz and below 1 period |"));
 }
 
 TEST(SessionReference, EveryFieldHasAMeaning) {
