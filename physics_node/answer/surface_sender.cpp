@@ -38,10 +38,7 @@ constexpr Duration kReceiptMargin = std::chrono::milliseconds(5);
 constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that is known as a whole
 constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
-// While the loop's age is unknown; twice as long after each sending, so that the rest is not kept
-// waiting by what is on its way.
-constexpr Duration kFirstRepeat = std::chrono::milliseconds(20);
-constexpr std::uint32_t kMostFirstDoublings = 5;
+constexpr Duration kFirstRepeat = std::chrono::milliseconds(20);  // while the loop's age is unknown
 
 /// The tile is no nearer than this to the line in the middle of the region.
 double at_least_m(const DescribedTissue& tissue, std::uint32_t tile,
@@ -321,8 +318,7 @@ void SurfaceSender::release(std::uint16_t index) noexcept {
 // --- what this message carries ------------------------------------------------------------------
 
 Duration SurfaceSender::repeat_after(std::uint32_t sendings) const noexcept {
-  if (loop_age_ <= Duration::zero())
-    return kFirstRepeat * (1U << std::min(sendings, kMostFirstDoublings));
+  if (loop_age_ <= Duration::zero()) return kFirstRepeat * (1U << std::min(sendings, 5U));
   if (is_lossy_) return std::max(kLeastRepeat, loop_age_ / 3);
   return loop_age_ + kReceiptMargin + from_seconds(period_s_);
 }

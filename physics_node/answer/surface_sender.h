@@ -122,6 +122,8 @@ class SurfaceSender {
                                         SurfaceNews& news) noexcept;
   void rank(const CapsuleGeometry& region) noexcept;
   void release(std::uint16_t slot) noexcept;
+  /// While the loop's age is unknown, twice as long after each sending: what is on its way keeps
+  /// nothing else waiting.
   [[nodiscard]] Duration repeat_after(std::uint32_t sendings) const noexcept;
 
   std::span<const DescribedTissue> tissues_;
