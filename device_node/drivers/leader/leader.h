@@ -53,7 +53,6 @@ enum class LeaderFault : std::uint8_t {
   kCorrupt,        ///< what comes is no answer, twice
   kServoError,     ///< a motor refuses an instruction, or loses it
   kHardwareError,  ///< overload, heat, voltage, encoder: the motor says which
-  kWrongMode,      ///< a motor is not in the mode that takes torques
   kTorqueOff,      ///< a motor has no torque, and nobody here has switched it off
   kRebooted,       ///< a motor has forgotten its watchdog
   kWatchdogFired,  ///< the motors heard nothing for the time of their watchdog

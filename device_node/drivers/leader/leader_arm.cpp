@@ -45,8 +45,6 @@ const char* text_of(LeaderFault fault) {
       return "refuses what it is told, or loses it";
     case LeaderFault::kHardwareError:
       return "reports a hardware error";
-    case LeaderFault::kWrongMode:
-      return "is not in the mode that takes torques";
     case LeaderFault::kTorqueOff:
       return "has no torque, and nobody here has switched it off: another program, or its own "
              "shutdown";
