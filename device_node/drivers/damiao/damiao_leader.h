@@ -43,7 +43,8 @@ class DamiaoLeader : public Leader {
 
 /// Time that the frames of one cycle take on the bus, read and write, with the most bits stuffed,
 /// by arithmetic: four frames of 8 bytes for each motor.
-/// @param data_bits_per_second  0: classic frames
+/// @param motors  on the bus   @param bits_per_second  of the bus
+/// @param data_bits_per_second  after the switch, of CAN FD; 0: classic frames
 [[nodiscard]] double damiao_cycle_s(std::size_t motors, unsigned bits_per_second,
                                     unsigned data_bits_per_second);
 
