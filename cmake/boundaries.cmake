@@ -53,7 +53,11 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers/*,@threads"
   "device_node/drivers/transport:common/core"
   # leader arms: a library of their own, without sessions
-  "device_node/drivers/dynamixel:common/core,device_node/drivers/transport,@threads"
+  "device_node/drivers/leader:common/core,device_node/drivers/transport,@threads"
+  "device_node/drivers/leader/c:device_node/drivers/damiao,device_node/drivers/dynamixel,device_node/drivers/leader"
+  # installed into one folder with leader.h, which they name without its own
+  "device_node/drivers/damiao:common/core,device_node/drivers/leader,device_node/drivers/transport,leader.h"
+  "device_node/drivers/dynamixel:common/core,device_node/drivers/leader,device_node/drivers/transport,leader.h"
   "device_node/drivers/falcon:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/haply:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"

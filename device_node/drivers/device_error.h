@@ -19,6 +19,9 @@ namespace palpate::device {
       return DeviceError::kCorrupt;
     case Transfer::kNotReady:
       return DeviceError::kNotReady;
+    case Transfer::kDown:
+    case Transfer::kFull:
+      return DeviceError::kFailed;
   }
   return DeviceError::kFailed;
 }

@@ -13,9 +13,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kStepS = 50e-6;
-/// A clock that jumps further is followed by no more than this.
-constexpr double kLongestCatchUpS = 2.0;
 constexpr Duration kSecondTransfer = 200us;  // the second transfer of an answer
 constexpr std::uint8_t kInstructionError = 0x02;
 constexpr std::uint8_t kOverload = 0x20;
@@ -29,14 +26,6 @@ void add_crc(std::vector<std::byte>& bytes) {
 }
 
 }  // namespace
-
-JointHand leading_hand() {
-  return [](std::size_t joint, double rad, double rad_per_s, double time_s) {
-    const double pace = 1.2 + 0.25 * static_cast<double>(joint);
-    const double target = 0.5 * std::sin(pace * time_s);
-    return 2.0 * (target - rad) - 0.03 * rad_per_s;
-  };
-}
 
 std::vector<ServoSettings> seven_servos() {
   std::vector<ServoSettings> servos(7);
@@ -53,7 +42,7 @@ DynamixelEmulator::DynamixelEmulator(BusEmulation bus, const Clock& clock, std::
       bus_(std::move(bus)),
       port_(terminal_.end()),
       line_(port_),
-      servos_(bus_.servos.begin(), bus_.servos.end()),
+      arm_({bus_.servos.begin(), bus_.servos.end()}, bus_.hand),
       has_begun_(bus_.faults.size(), false),
       random_(seed) {}
 
@@ -89,7 +78,7 @@ void DynamixelEmulator::serve(std::span<std::byte> packet) {
     is_partial = has(WireFault::kPartial, now_s);
     if (fault == WireFault::kUnplugged) return;
     ++messages_;
-    for (EmulatedServo& servo : servos_) {
+    for (EmulatedServo& servo : arm_.motors()) {
       if (servo.is_there) servo.hear(now_s);
     }
     answers = answers_to(message);
@@ -130,7 +119,7 @@ void DynamixelEmulator::send(std::vector<Bytes> answers, WireFault fault, bool i
 }
 
 EmulatedServo* DynamixelEmulator::servo_of(unsigned id) {
-  for (EmulatedServo& servo : servos_) {
+  for (EmulatedServo& servo : arm_.motors()) {
     if (servo.id() == id && servo.is_there) return &servo;
   }
   return nullptr;
@@ -138,7 +127,7 @@ EmulatedServo* DynamixelEmulator::servo_of(unsigned id) {
 
 DynamixelEmulator::Bytes DynamixelEmulator::status(const EmulatedServo& servo, std::uint8_t error,
                                                    std::span<const std::byte> data) const {
-  const bool is_wrong = has(WireFault::kWrongId, time_s_);
+  const bool is_wrong = has(WireFault::kWrongId, arm_.time_s());
   DynamixelPacket packet(is_wrong ? servo.id() ^ 0x40U : servo.id(), DynamixelInstruction::kStatus);
   packet.u8(error | (servo.has_alert() ? kDynamixelAlert : 0U));
   if (error == 0) packet.bytes(data);
@@ -162,7 +151,7 @@ std::vector<DynamixelEmulator::Bytes> DynamixelEmulator::answers_to(
     default:
       break;
   }
-  for (EmulatedServo& servo : servos_) {
+  for (EmulatedServo& servo : arm_.motors()) {
     const bool is_for_all = message.id == kDynamixelEveryone;
     if (!servo.is_there || (!is_for_all && message.id != servo.id())) continue;
     const unsigned address = p.size() >= 2 ? dynamixel_u16(p, 0) : 0;
@@ -222,7 +211,7 @@ DynamixelEmulator::Bytes DynamixelEmulator::fast_sync_read(const DynamixelMessag
     Bytes data(each);
     const std::uint8_t error = servo->read(dynamixel_u16(p, 0), data);
     answer.push_back(static_cast<std::byte>(error | (servo->has_alert() ? kDynamixelAlert : 0U)));
-    answer.push_back(has(WireFault::kWrongId, time_s_) ? id ^ std::byte{0x40} : id);
+    answer.push_back(has(WireFault::kWrongId, arm_.time_s()) ? id ^ std::byte{0x40} : id);
     answer.insert(answer.end(), data.begin(), data.end());
     add_crc(answer);
   }
@@ -252,7 +241,7 @@ void DynamixelEmulator::with_servo(std::size_t i,
                                    const std::function<void(EmulatedServo&)>& change) {
   const std::scoped_lock lock(lock_);
   advance_to(now_s());
-  change(servos_[i]);
+  change(arm_.motors()[i]);
 }
 
 void DynamixelEmulator::catch_up() {
@@ -274,8 +263,9 @@ WireFault DynamixelEmulator::wire_fault(double now_s) const {
 }
 
 void DynamixelEmulator::apply_faults(double now_s) {
-  EmulatedServo& one = servos_[servos_.size() > 1 ? servos_.size() - 2 : 0];
-  for (EmulatedServo& servo : servos_) {
+  std::vector<EmulatedServo>& servos = arm_.motors();
+  EmulatedServo& one = servos[servos.size() > 1 ? servos.size() - 2 : 0];
+  for (EmulatedServo& servo : arm_.motors()) {
     servo.has_watchdog = !has(WireFault::kNoWatchdog, now_s);
     servo.is_stuck = has(WireFault::kStuck, now_s);
     servo.gain = has(WireFault::kNoSupply, now_s)   ? 0.0
@@ -299,41 +289,24 @@ void DynamixelEmulator::apply_faults(double now_s) {
 }
 
 void DynamixelEmulator::advance_to(double now_s) {
-  time_s_ = std::max(time_s_, now_s - kLongestCatchUpS);
-  while (time_s_ + kStepS <= now_s) {
-    time_s_ += kStepS;
-    apply_faults(time_s_);
-    double energy_joule = 0.0;
-    for (std::size_t i = 0; i < servos_.size(); ++i) {
-      EmulatedServo& servo = servos_[i];
-      const double speed = servo.joint().link_rad_per_s();
-      const double hand = bus_.hand ? bus_.hand(i, servo.joint().link_rad(), speed, time_s_) : 0.0;
-      servo.advance(time_s_, kStepS, hand);
-      energy_joule += servo.joint().energy_joule();
-      fastest_rad_per_s_ = std::max(fastest_rad_per_s_, std::abs(speed));
-      if (servo.torque_newton_m() != 0.0) torque_until_s_ = time_s_;
-    }
-    least_energy_joule_ = std::min(least_energy_joule_, energy_joule);
-  }
+  arm_.advance_to(now_s, [&](double time_s) { apply_faults(time_s); });
 }
 
 double DynamixelEmulator::acting_newton_m() const {
   const std::scoped_lock lock(lock_);
-  double sum = 0.0;
-  for (const EmulatedServo& servo : servos_) sum += std::abs(servo.torque_newton_m());
-  return sum;
+  return arm_.acting_newton_m();
 }
 double DynamixelEmulator::torque_until_s() const {
   const std::scoped_lock lock(lock_);
-  return torque_until_s_;
+  return arm_.torque_until_s();
 }
 double DynamixelEmulator::least_energy_joule() const {
   const std::scoped_lock lock(lock_);
-  return least_energy_joule_;
+  return arm_.least_energy_joule();
 }
 double DynamixelEmulator::fastest_rad_per_s() const {
   const std::scoped_lock lock(lock_);
-  return fastest_rad_per_s_;
+  return arm_.fastest_rad_per_s();
 }
 std::uint64_t DynamixelEmulator::messages() const {
   const std::scoped_lock lock(lock_);

@@ -17,18 +17,12 @@
 #include "device_node/drivers/dynamixel/dynamixel_bus.h"
 #include "device_node/drivers/transport/serial_port.h"
 #include "device_node/emulators/dynamixel_servo.h"
+#include "device_node/emulators/emulated_arm.h"
 #include "device_node/emulators/emulated_device.h"
 #include "device_node/emulators/pseudo_terminal.h"
 
 namespace palpate::device {
 
-/// The torque of a hand at one joint.
-/// @param time_s  since the emulator's start
-using JointHand =
-    std::function<double(std::size_t joint, double rad, double rad_per_s, double time_s)>;
-/// A hand that leads every joint to and fro by 0.5 rad, with a grip that is loose enough to be
-/// driven.
-[[nodiscard]] JointHand leading_hand();
 /// Seven servos as in a leader of XL330-M288.
 [[nodiscard]] std::vector<ServoSettings> seven_servos();
 
@@ -92,13 +86,9 @@ class DynamixelEmulator {
   SerialPort port_;
   DynamixelLine line_;
   mutable std::mutex lock_;  // over all that follows
-  std::vector<EmulatedServo> servos_;
+  EmulatedArm<EmulatedServo> arm_;
   std::vector<bool> has_begun_;
   Random random_;
-  double time_s_ = 0.0;
-  double least_energy_joule_ = 0.0;
-  double torque_until_s_ = 0.0;
-  double fastest_rad_per_s_ = 0.0;
   std::uint64_t messages_ = 0;
 };
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // dynamixel_servo.h — one emulated Dynamixel servo: its control table with its rules, its Bus
-// Watchdog, and the joint that its motor moves through gears with friction and play. Nothing here
-// is of the driver.
+// Watchdog, and the joint that its motor moves. Nothing here is of the driver.
 #pragma once
 
 #include <array>
@@ -9,57 +8,9 @@
 #include <cstdint>
 #include <span>
 
+#include "device_node/emulators/emulated_arm.h"
+
 namespace palpate::device {
-
-/// A motor's rotor and the link that a hand holds, with play between them; both as seen at the
-/// horn.
-struct GearedJoint {
-  double rotor_kg_m2 = 0.004;
-  double link_kg_m2 = 0.004;
-  double rotor_coulomb_newton_m = 0.06;
-  double link_coulomb_newton_m = 0.03;
-  double rotor_viscous_newton_m_s_per_rad = 0.010;
-  double link_viscous_newton_m_s_per_rad = 0.005;
-  double play_rad = 0.0044;  ///< end to end; 15 arc minutes, as ROBOTIS says of the X series
-  double tooth_newton_m_per_rad = 400.0;
-  double tooth_newton_m_s_per_rad = 0.2;
-};
-
-/// Follows a joint step by step; its energies are sums over its path.
-class JointPlant {
- public:
-  explicit JointPlant(const GearedJoint& joint, double start_rad = 0.0)
-      : joint_(joint), rotor_rad_(start_rad), link_rad_(start_rad) {}
-
-  /// @param motor_newton_m  at the horn   @param hand_newton_m  at the link
-  void advance(double step_s, double motor_newton_m, double hand_newton_m) noexcept;
-
-  [[nodiscard]] double link_rad() const noexcept { return link_rad_; }
-  [[nodiscard]] double link_rad_per_s() const noexcept { return link_rad_per_s_; }
-  /// What the hand has put in, without what moves or is tense: friction, less the motor's work. A
-  /// hand that has been driven finds it below 0.
-  [[nodiscard]] double energy_joule() const noexcept { return dissipated_joule_ - motor_joule_; }
-  /// The same by the work of the hand, less what moves and is tense.
-  [[nodiscard]] double energy_by_hand_joule() const noexcept;
-
- private:
-  struct Mass {
-    double kg_m2, coulomb, viscous;
-  };
-  /// Moves one mass by momentum. What its friction takes is added up.
-  void move(const Mass& mass, double newton_m, double step_s, double& rad,
-            double& rad_per_s) noexcept;
-  [[nodiscard]] double gap_rad() const noexcept;
-
-  GearedJoint joint_;
-  double rotor_rad_;
-  double link_rad_;
-  double rotor_rad_per_s_ = 0.0;
-  double link_rad_per_s_ = 0.0;
-  double dissipated_joule_ = 0.0;
-  double motor_joule_ = 0.0;
-  double hand_joule_ = 0.0;
-};
 
 struct ServoSettings {
   std::uint8_t id = 1;

@@ -19,13 +19,13 @@ struct KnownFault {
   std::string_view drivers = {};  ///< of which devices alone; none: of all
 };
 constexpr std::string_view kOfOneHandle = "haply_inverse hapi falcon wooden";
-constexpr std::array<KnownFault, 35> kWireFaults{
+constexpr std::array<KnownFault, 36> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
      {"garbage", WireFault::kGarbage},
      {"short", WireFault::kShort},
-     {"wrong_id", WireFault::kWrongId, "haply_inverse hapi dynamixel"},
+     {"wrong_id", WireFault::kWrongId, "haply_inverse hapi dynamixel openarm"},
      {"stuck", WireFault::kStuck},
      {"echo", WireFault::kEcho, "falcon"},
      {"no_watchdog", WireFault::kNoWatchdog},
@@ -51,10 +51,11 @@ constexpr std::array<KnownFault, 35> kWireFaults{
      {"partial", WireFault::kPartial, "hapi falcon wooden dynamixel"},
      {"merged", WireFault::kMerged, kOfOneHandle},
      {"unlisted", WireFault::kUnlisted, "haply_inverse"},
-     {"servo_gone", WireFault::kServoGone, "dynamixel"},
-     {"servo_reboot", WireFault::kServoReboot, "dynamixel"},
-     {"servo_overload", WireFault::kServoOverload, "dynamixel"},
-     {"bit_errors", WireFault::kBitErrors, "dynamixel"}}};
+     {"servo_gone", WireFault::kServoGone, "dynamixel openarm"},
+     {"servo_reboot", WireFault::kServoReboot, "dynamixel openarm"},
+     {"servo_overload", WireFault::kServoOverload, "dynamixel openarm"},
+     {"bit_errors", WireFault::kBitErrors, "dynamixel"},
+     {"bus_off", WireFault::kBusOff, "openarm"}}};
 
 constexpr double kWeightNewton = 0.5;
 constexpr std::uint64_t kDroppedOneIn = 20;

@@ -57,6 +57,7 @@ enum class WireFault : std::uint8_t {
   kServoReboot,    ///< as it begins: it has no torque, no watchdog, and the turn it was in
   kServoOverload,  ///< as it begins: it protects itself, and says so
   kBitErrors,      ///< one answer in 50 has a wrong bit
+  kBusOff,         ///< the controller of a CAN bus has left it after errors
 };
 
 struct PlannedFault {

@@ -18,7 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string new_name(const std::string& field) {
-  return "; give the emulator a new name with --set " + field + "=/tmp/NAME";
+  return "; give the emulator a new name with " +
+         (field.starts_with("--") ? field + " " : "--set " + field + "=") + "/tmp/NAME";
 }
 
 }  // namespace

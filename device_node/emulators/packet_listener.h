@@ -13,7 +13,7 @@ namespace palpate::device {
 /// One client at a time; a second waits for the end of the first.
 class PacketListener {
  public:
-  /// @param field  "device.falcon.port", for what is in the way
+  /// @param field  "device.falcon.port" or "--leader", for what is in the way
   /// @throws SetupError  `path` cannot be a socket: too long, or something else is there
   PacketListener(const std::string& path, const std::string& field);
   ~PacketListener();
@@ -22,21 +22,34 @@ class PacketListener {
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
-  /// Accepts clients until the stop, says what the device is, and calls `serve(port)` for each.
+  /// Accepts clients until the stop, and calls `serve(port)` for each.
+  /// @param wait  called where none comes for a while
+  template <class Serve, class Wait>
+  void run(const std::stop_token& stop, const Serve& serve, const Wait& wait) {
+    while (!stop.stop_requested()) {
+      const int socket = accept();
+      if (socket < 0) {
+        wait();
+        continue;
+      }
+      PacketPort client(socket);
+      serve(client);
+    }
+  }
+
+  /// The same for a USB device, which says what it is first.
   /// While the device is unplugged, none is accepted; while it has a wrong id, it says so.
   template <class Serve>
   void run(EmulatedDevice& device, const UsbIds& ids, const std::stop_token& stop,
            const Serve& serve) {
-    while (!stop.stop_requested()) {
-      const int socket = accept();
-      if (socket < 0) continue;
-      PacketPort client(socket);
+    const auto serve_device = [&](PacketPort& client) {
       const WireFault fault = device.fault();
-      if (fault == WireFault::kUnplugged) continue;
+      if (fault == WireFault::kUnplugged) return;
       const UsbIds said = fault == WireFault::kWrongId ? UsbIds{0xFFFF, 0xFFFF} : ids;
       if (client.send_ids(said) == Transfer::kDone) serve(client);
       device.let_go();
-    }
+    };
+    run(stop, serve_device, [] {});
   }
 
  private:

@@ -15,6 +15,7 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "device_node/drivers/driver_registry.h"
+#include "device_node/emulators/damiao_emulator.h"
 #include "device_node/emulators/dynamixel_emulator.h"
 #include "device_node/emulators/falcon_emulator.h"
 #include "device_node/emulators/hapi_emulator.h"
@@ -68,6 +69,7 @@ struct EmulateCommand {
   SessionOptions session;
   std::string side;
   std::string leader;
+  std::string bus = "dynamixel";
   std::vector<std::string> faults;
   double seconds = 0.0;
   bool is_let_go = false;
@@ -77,9 +79,14 @@ struct EmulateCommand {
     session.add_to(app);
     app.get_option("SESSION")->required(false);
     app.add_option("--leader", leader,
-                   "instead of a session's device: a leader arm of seven Dynamixel servos, as a "
-                   "serial port of this name, such as /tmp/leader")
+                   "instead of a session's device: a leader arm of seven motors on a bus of this "
+                   "name, such as /tmp/leader")
         ->type_name("PORT");
+    app.add_option("--bus", bus,
+                   "of the leader arm: dynamixel (servos on a serial port, the default) or openarm "
+                   "(Damiao motors on a CAN bus, as a socket)")
+        ->check(CLI::IsMember({"dynamixel", "openarm"}))
+        ->needs("--leader");
     add_side_option(app, side);
     app.add_option("--fault", faults,
                    fmt::format("KIND@SECONDS:MILLISECONDS, a fault of the wire, such as "
@@ -160,23 +167,39 @@ struct EmulateCommand {
                      "\"; emulators are of haply_inverse, hapi, falcon and wooden");
   }
 
-  /// Servos on a bus, and a hand that leads the arm to and fro. No session has such a device.
+  /// Motors on a bus, and a hand that leads the arm to and fro. No session has such a device.
   int emulate_leader() const {
     if (!session.file.empty() || !session.overrides.empty() || !side.empty()) {
       throw SetupError(
           "--leader: the arm is not a session's device; leave SESSION, --set and "
           "--side out");
     }
-    device::BusEmulation bus{.servos = device::seven_servos(),
-                             .hand = is_let_go ? device::JointHand() : device::leading_hand(),
-                             .faults = {},
-                             .bits_per_second = 0};
-    for (const std::string& fault : faults) {
-      bus.faults.push_back(device::parse_fault(fault, "dynamixel"));
-    }
+    Faults planned;
+    for (const std::string& fault : faults) planned.push_back(device::parse_fault(fault, bus));
+    const device::JointHand hand = is_let_go ? device::JointHand() : device::leading_hand();
     const SteadyClock clock;
-    device::DynamixelEmulator emulator(std::move(bus), clock, 1);
+    if (bus == "openarm") {
+      if (leader.find('/') == std::string::npos) {
+        throw SetupError("--leader: \"" + leader +
+                         "\" would be a CAN interface; give the emulator's socket a path, such "
+                         "as /tmp/leader");
+      }
+      device::DamiaoEmulator emulator(
+          {.motors = device::seven_damiao_motors(), .hand = hand, .faults = std::move(planned)},
+          leader, "--leader", clock, 1);
+      return serve_leader(emulator);
+    }
+    device::DynamixelEmulator emulator({.servos = device::seven_servos(),
+                                        .hand = hand,
+                                        .faults = std::move(planned),
+                                        .bits_per_second = 0},
+                                       clock, 1);
     const TerminalLink link(emulator.port(), leader, "--leader", "--leader /tmp/NAME");
+    return serve_leader(emulator);
+  }
+
+  template <class Emulator>
+  int serve_leader(Emulator& emulator) const {
     serve_until_stopped(
         emulator,
         RealtimeConfig{

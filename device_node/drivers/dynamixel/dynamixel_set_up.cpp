@@ -2,78 +2,42 @@
 // What is checked and written before an arm may have torque. It may allocate, and throws.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <numbers>
-#include <set>
-#include <vector>
+#include <string>
 
 #include "common/core/check.h"
-#include "device_node/drivers/dynamixel/dynamixel_arm.h"
+#include "device_node/drivers/dynamixel/dynamixel_motors.h"
+#include "device_node/drivers/leader/leader_arm.h"
 
 namespace palpate::device {
 namespace {
 
-constexpr double kTurnRad = 2.0 * std::numbers::pi;
 constexpr unsigned kProfileBit = 0x04;  // of the drive mode: nothing that current control uses
-
-bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
-
-std::string number(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%g", value);
-  return text.data();
-}
 
 }  // namespace
 
-std::string DynamixelArm::name_of(std::size_t joint) const {
-  return "joint " + std::to_string(joint + 1) + " (id " + std::to_string(joints_[joint].id) + ")";
+std::string DynamixelMotors::name_of(std::size_t joint) const {
+  return leader_joint_name(joint, joints_[joint].id);
 }
 
-void DynamixelArm::check_joints() const {
-  const auto refuse = [&](std::size_t joint, const std::string& what) {
-    throw SetupError("leader " + name_of(joint) + ": " + what);
-  };
-  std::set<int> ids;
+void DynamixelMotors::check_currents() const {
   for (std::size_t i = 0; i < count_; ++i) {
-    const DynamixelJoint& joint = joints_[i];
-    if (joint.id < 0 || joint.id > static_cast<int>(kMostDynamixelId)) {
-      refuse(i, "an id is 0 … 252");
+    const double limit = joints_[i].current_limit_ampere;
+    if (!std::isfinite(limit) || limit <= 0.0) {
+      throw SetupError("leader " + name_of(i) +
+                       ": current_limit_ampere must be above 0: the most that the motor may get");
     }
-    if (!ids.insert(joint.id).second) refuse(i, "another joint has this id; give each its own");
-    if (joint.sign != 1.0 && joint.sign != -1.0) refuse(i, "sign is 1 or -1");
-    if (!std::isfinite(joint.offset_rad)) refuse(i, "offset_rad is no number");
-    if (!is_positive(joint.gear)) refuse(i, "gear must be above 0");
-    if (!is_positive(joint.current_limit_ampere)) {
-      refuse(i, "current_limit_ampere must be above 0: the most that the motor may get");
-    }
-    if (!std::isfinite(joint.torque_newton_m_per_ampere) ||
-        joint.torque_newton_m_per_ampere < 0.0) {
-      refuse(i, "torque_newton_m_per_ampere must be 0, for the manual's, or above");
-    }
-    if (!is_positive(joint.fastest_rad_per_s)) refuse(i, "fastest_rad_per_s must be above 0");
-    if (!std::isfinite(joint.play_rad) || joint.play_rad < 0.0) refuse(i, "play_rad is 0 or above");
-    const double range_rad = joint.highest_rad - joint.lowest_rad;
-    if (!is_positive(range_rad) || range_rad >= kTurnRad / joint.gear) {
-      refuse(i,
-             "the range lowest_rad … highest_rad must be above 0 and below one turn of the "
-             "horn, " +
-                 number(kTurnRad / joint.gear) +
-                 " rad of the joint: which turn an angle belongs to follows from it");
+    const double per_ampere = joints_[i].torque_newton_m_per_ampere;
+    if (!std::isfinite(per_ampere) || per_ampere < 0.0) {
+      throw SetupError("leader " + name_of(i) +
+                       ": torque_newton_m_per_ampere must be 0, for the manual's, or above");
     }
   }
-  const auto refuse_setting = [](const std::string& what) { throw SetupError("leader: " + what); };
   if (settings_.watchdog_units < 1 || settings_.watchdog_units > 127) {
-    refuse_setting("watchdog_units is 1 … 127, each 20 ms");
-  }
-  if (!is_positive(settings_.answer_limit_s) || settings_.answer_limit_s > 1.0 ||
-      !is_positive(settings_.longest_delay_s) || settings_.longest_delay_s > 1.0 ||
-      !is_positive(settings_.longest_cycle_s) || settings_.longest_cycle_s > 1.0) {
-    refuse_setting("answer_limit_s, longest_delay_s and longest_cycle_s are above 0, at most 1");
+    throw SetupError("leader: watchdog_units is 1 … 127, each 20 ms");
   }
 }
 
-void DynamixelArm::set_up() {
+void DynamixelMotors::set_up() {
   // limp first, whatever program had the arm before; and answers to every instruction
   static_cast<void>(write_all(dynamixel::kTorqueEnable, 0));
   static_cast<void>(write_all(dynamixel::kStatusReturnLevel, 2));
@@ -92,29 +56,21 @@ void DynamixelArm::set_up() {
   }
   check_line();
   for (std::size_t i = 0; i < count_; ++i) prepare(i);
-  is_set_up_ = true;
-  switched_at_ = clock_.now();
-  LeaderReading passed;
-  read_at_ = clock_.now();
-  const Transfer transfer = read_blocks();
-  if (transfer != Transfer::kDone) fail_transfer(transfer);
-  if (fault_ == LeaderFault::kNone) static_cast<void>(take_blocks(Turns::kFind, 0.0, passed));
-  if (fault_ != LeaderFault::kNone) throw SetupError("leader " + fault_text());
 }
 
 /// What the bytes of a cycle alone take must leave time for it.
-void DynamixelArm::check_line() const {
+void DynamixelMotors::check_line() const {
   unsigned return_delay = 0;
   for (const Servo& servo : servos_) return_delay = std::max(return_delay, servo.return_delay);
   const double cycle_s = dynamixel_cycle_s(count_, settings_.bits_per_second, 2e-6 * return_delay);
   const auto refuse = [&](const std::string& setting, double least_s) {
-    throw SetupError("leader: a cycle takes " + number(1e3 * cycle_s) + " ms at " +
+    throw SetupError("leader: a cycle takes " + leader_number(1e3 * cycle_s) + " ms at " +
                      std::to_string(settings_.bits_per_second) + " bit/s; " + setting +
-                     " must be above " + number(least_s) +
+                     " must be above " + leader_number(least_s) +
                      ", or the servos' return delay shorter, or their baud rate higher");
   };
-  if (settings_.longest_delay_s <= cycle_s + kLeaderServoDelayS) {
-    refuse("longest_delay_s", cycle_s + kLeaderServoDelayS);
+  if (settings_.longest_delay_s <= cycle_s + kDynamixelDelayS) {
+    refuse("longest_delay_s", cycle_s + kDynamixelDelayS);
   }
   if (settings_.longest_cycle_s <= cycle_s) refuse("longest_cycle_s", cycle_s);
   if (settings_.watchdog_units * dynamixel::kWatchdogUnitS <= cycle_s) {
@@ -122,7 +78,7 @@ void DynamixelArm::check_line() const {
   }
 }
 
-void DynamixelArm::identify(std::size_t joint) {
+void DynamixelMotors::identify(std::size_t joint) {
   Servo& servo = servos_[joint];
   const DynamixelJoint& config = joints_[joint];
   DynamixelPing answer;
@@ -156,11 +112,10 @@ void DynamixelArm::identify(std::size_t joint) {
   const double per_ampere = config.torque_newton_m_per_ampere > 0.0
                                 ? config.torque_newton_m_per_ampere
                                 : servo.model->stall_newton_m_per_ampere;
-  servo.newton_m_per_unit = servo.model->ampere_per_unit * per_ampere * config.gear;
-  servo.rad_per_step = config.sign * kTurnRad / dynamixel::kStepsPerTurn / config.gear;
+  servo.newton_m_per_unit = servo.model->ampere_per_unit * per_ampere;
 }
 
-void DynamixelArm::check_settings(std::size_t joint) {
+void DynamixelMotors::check_settings(std::size_t joint) {
   Servo& servo = servos_[joint];
   std::array<std::byte, 3> modes{};  // return delay, drive mode, operating mode
   ask_register(joint, dynamixel::kReturnDelay, modes);
@@ -196,14 +151,13 @@ void DynamixelArm::check_settings(std::size_t joint) {
   std::array<std::byte, 1> error{};
   ask_register(joint, dynamixel::kHardwareError, error);
   if (error[0] != std::byte{0}) {
-    fault_ = LeaderFault::kHardwareError;
-    fault_joint_ = joint;
     fault_detail_ = std::to_integer<unsigned>(error[0]);
-    throw SetupError("leader " + fault_text());
+    throw SetupError("leader " + name_of(joint) + ": reports a hardware error" +
+                     detail_text(LeaderFault::kHardwareError));
   }
 }
 
-void DynamixelArm::prepare(std::size_t joint) {
+void DynamixelMotors::prepare(std::size_t joint) {
   // 0 also clears a watchdog that has fired, which would refuse the goal
   set_register(joint, dynamixel::kBusWatchdog, std::array{std::byte{0}});
   set_register(joint, dynamixel::kGoalCurrent, std::array{std::byte{0}, std::byte{0}});
@@ -220,7 +174,7 @@ void DynamixelArm::prepare(std::size_t joint) {
   }
 }
 
-void DynamixelArm::ask_register(std::size_t joint, unsigned address, std::span<std::byte> data) {
+void DynamixelMotors::ask_register(std::size_t joint, unsigned address, std::span<std::byte> data) {
   std::uint8_t error = 0;
   Transfer transfer = bus_.read(ids_[joint], address, data, error);
   if (transfer != Transfer::kDone) transfer = bus_.read(ids_[joint], address, data, error);
@@ -231,8 +185,8 @@ void DynamixelArm::ask_register(std::size_t joint, unsigned address, std::span<s
   }
 }
 
-void DynamixelArm::set_register(std::size_t joint, unsigned address,
-                                std::span<const std::byte> data) {
+void DynamixelMotors::set_register(std::size_t joint, unsigned address,
+                                   std::span<const std::byte> data) {
   std::uint8_t error = 0;
   Transfer transfer = bus_.write(ids_[joint], address, data, error);
   if (transfer != Transfer::kDone) transfer = bus_.write(ids_[joint], address, data, error);
@@ -243,25 +197,24 @@ void DynamixelArm::set_register(std::size_t joint, unsigned address,
   }
 }
 
-std::string DynamixelArm::description() const {
-  std::string text;
-  for (std::size_t i = 0; i < count_; ++i) {
-    const Servo& servo = servos_[i];
-    text += name_of(i) + ": " + servo.model->name + ", firmware " + std::to_string(servo.firmware) +
-            ", at most " + number(largest_torque_newton_m(i)) + " N·m in steps of " +
-            number(servo.newton_m_per_unit) + " (" +
-            (joints_[i].torque_newton_m_per_ampere > 0.0 ? "as configured"
-                                                         : "the manual's stall torque") +
-            "), resolution " + number(resolution_rad(i)) + " rad";
-    if (servo.return_delay > 0) {
-      text += ", return delay " + std::to_string(2 * servo.return_delay) + " µs";
-    }
-    if (servo.model->measures_supply_current) {
-      text += "; it measures the current of its supply: its torque is not proportional to the goal";
-    }
-    text += "\n";
+std::string DynamixelMotors::model_text(std::size_t joint) const {
+  const Servo& servo = servos_[joint];
+  std::string text = servo.model->name;
+  text += ", firmware " + std::to_string(servo.firmware);
+  if (servo.return_delay > 0) {
+    text += ", return delay " + std::to_string(2 * servo.return_delay) + " µs";
+  }
+  if (servo.model->measures_supply_current) {
+    text += " (it measures the current of its supply: its torque is not proportional to the goal)";
   }
   return text;
+}
+
+std::string DynamixelMotors::scale_text(std::size_t joint) const {
+  const double per_unit = servos_[joint].newton_m_per_unit * joints_[joint].gear;
+  return leader_number(per_unit) + (joints_[joint].torque_newton_m_per_ampere > 0.0
+                                        ? " (as configured)"
+                                        : " (the manual's stall torque)");
 }
 
 }  // namespace palpate::device

@@ -11,6 +11,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <ctime>
 #include <stdexcept>
 
 #include "device_node/drivers/transport/wait_for.h"
@@ -39,6 +40,9 @@ int open_packet_file(const std::string& path) {
   errno = error;
   return -1;
 }
+
+/// Of an error that lasts.
+Transfer transfer_of(int error) { return error == ENETDOWN ? Transfer::kDown : Transfer::kClosed; }
 
 bool is_momentary(int error) { return error == EAGAIN || error == EWOULDBLOCK || error == EINTR; }
 
@@ -80,7 +84,13 @@ Transfer PacketPort::write(std::span<const std::byte> packet, Duration within) n
     if (written < 0 && errno == ENOTSOCK) written = ::write(file_, packet.data(), packet.size());
     if (written == static_cast<ssize_t>(packet.size())) return Transfer::kDone;
     if (written >= 0) return Transfer::kCorrupt;
-    if (!is_momentary(errno)) return Transfer::kClosed;
+    if (errno == ENOBUFS) {  // the queue of an interface; poll() does not wait for it
+      if (WireClock::now() >= deadline) return Transfer::kFull;
+      constexpr timespec kWait{.tv_sec = 0, .tv_nsec = 100'000};
+      ::nanosleep(&kWait, nullptr);
+      continue;
+    }
+    if (!is_momentary(errno)) return transfer_of(errno);
     const Transfer ready = wait_for(file_, POLLOUT, deadline);
     if (ready != Transfer::kDone) return ready;
   }
@@ -95,7 +105,8 @@ Transfer PacketPort::read(std::span<std::byte> buffer, std::size_t& size,
       size = static_cast<std::size_t>(got);
       return Transfer::kDone;
     }
-    if (got == 0 || !is_momentary(errno)) return Transfer::kClosed;
+    if (got == 0) return Transfer::kClosed;
+    if (!is_momentary(errno)) return transfer_of(errno);
     const Transfer ready = wait_for(file_, POLLIN, deadline);
     if (ready != Transfer::kDone) return ready;
   }

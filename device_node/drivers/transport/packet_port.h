@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// packet_port.h — a file whose transfers are whole packets: a hidraw device, or the socket of an
-// emulator that stands in for one.
+// packet_port.h — a file whose transfers are whole packets: a hidraw device, the socket of a CAN
+// interface, or that of an emulator that stands in for one.
 #pragma once
 
 #include <cstddef>

@@ -12,6 +12,8 @@ enum class Transfer : std::uint8_t {
   kClosed,    ///< the other end is gone: unplugged, or its program ended
   kCorrupt,   ///< what came breaks the rules of the wire
   kNotReady,  ///< the device says that it has no supply or no calibration
+  kDown,      ///< the interface of a bus is down, or off the bus after errors
+  kFull,      ///< the queue of a bus stays full: nobody acknowledges what is sent
 };
 
 }  // namespace palpate::device

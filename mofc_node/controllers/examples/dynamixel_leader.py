@@ -8,15 +8,15 @@ terminal: `palpate emulate --leader /tmp/leader`. Never run on hardware.
 import sys
 import time
 
-from palpate_controllers import (DynamixelLeader, JointClamp, LeaderFault, LeaderJoint, Port, load)
+from palpate_controllers import DynamixelJoint, DynamixelLeader, JointClamp, LeaderFault, Port, load
 
 PERIOD_S = 0.005
 STIFFNESS = 2.0  # N·m/rad, of the coupling
 PEAK_NEWTON_M = 0.25  # of the credit: one hold of it
 # measured on the arm: angle at the servo's 0, N·m/A, range, play; here those of the emulator
-JOINTS = [LeaderJoint(id=i + 1, offset_rad=-3.14, torque_newton_m_per_ampere=0.354,
-                      current_limit_ampere=1.0, lowest_rad=-1.6, highest_rad=1.6,
-                      fastest_rad_per_s=3.0, play_rad=0.0044) for i in range(7)]
+JOINTS = [DynamixelJoint(id=i + 1, offset_rad=-3.14, torque_newton_m_per_ampere=0.354,
+                         current_limit_ampere=1.0, lowest_rad=-1.6, highest_rad=1.6,
+                         fastest_rad_per_s=3.0, play_rad=0.0044) for i in range(7)]
 COULOMB, VISCOUS = 0.8 * 0.09, 0.8 * 0.015  # identified without a hand, and less of it
 
 
@@ -27,11 +27,11 @@ class Follower:
         return [max(-0.25, min(0.25, x)) for x in leader_rad]
 
 
-def clamp_for(library, leader):
+def clamp_for(library, leader, joints):
     return JointClamp(library, [
         Port(coulomb=COULOMB, viscous=VISCOUS, resolution=leader.resolution_rad(i),
              v_max=joint.fastest_rad_per_s, peak_effort=PEAK_NEWTON_M)
-        for i, joint in enumerate(JOINTS)], lease_s=leader.lease_s)
+        for i, joint in enumerate(joints)], lease_s=leader.lease_s)
 
 
 def teleoperate(leader, clamp, follower, seconds):
@@ -51,13 +51,15 @@ def teleoperate(leader, clamp, follower, seconds):
     return cycles, made / asked
 
 
-def main():
+def run(make_leader, joints):
+    """make_leader(library, port) is of palpate_controllers. Returns the status of the program."""
     library = load(sys.argv[1])
     seconds = float(sys.argv[3]) if len(sys.argv) > 3 else 10.0
     try:
-        with DynamixelLeader(library, JOINTS, sys.argv[2], bits_per_second=4_000_000) as leader:
+        with make_leader(library, sys.argv[2]) as leader:
             print(leader.description, end="", flush=True)
-            cycles, share = teleoperate(leader, clamp_for(library, leader), Follower(), seconds)
+            clamp = clamp_for(library, leader, joints)
+            cycles, share = teleoperate(leader, clamp, Follower(), seconds)
             print(f"{cycles / seconds:.0f} Hz, {100 * share:.0f} % of the torque made", flush=True)
     except LeaderFault as fault:
         print(f"limp: {fault}")
@@ -66,4 +68,5 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(lambda library, port: DynamixelLeader(library, JOINTS, port,
+                                                       bits_per_second=4_000_000), JOINTS))

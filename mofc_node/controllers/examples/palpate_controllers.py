@@ -108,47 +108,86 @@ class JointClamp:
             self._ports = None
 
 
-class LeaderJoint(Structure):
-    """One servo on a Dynamixel bus and the joint that it drives: palpate_leader.h."""
-    _fields_ = [("id", c_int), ("sign", c_double), ("offset_rad", c_double), ("gear", c_double),
-                ("torque_newton_m_per_ampere", c_double), ("current_limit_ampere", c_double),
+class JointPlace(Structure):
+    """How a joint lies to its motor: palpate_leader.h."""
+    _fields_ = [("sign", c_double), ("offset_rad", c_double), ("gear", c_double),
                 ("lowest_rad", c_double), ("highest_rad", c_double),
                 ("fastest_rad_per_s", c_double), ("play_rad", c_double)]
+    _defaults = {"sign": 1.0, "gear": 1.0, "lowest_rad": -1.5, "highest_rad": 1.5,
+                 "fastest_rad_per_s": 6.0}
+
+
+class LeaderTimes(Structure):
+    _fields_ = [("answer_limit_s", c_double), ("longest_delay_s", c_double),
+                ("longest_cycle_s", c_double)]
+    _defaults = {"answer_limit_s": 0.010, "longest_delay_s": 0.006, "longest_cycle_s": 0.020}
+
+
+class _Placed(Structure):
+    """A motor and its joint: the fields of JointPlace are given, and read, as its own."""
 
     def __init__(self, id, **values):
-        defaults = {"sign": 1.0, "gear": 1.0, "lowest_rad": -1.5, "highest_rad": 1.5,
-                    "fastest_rad_per_s": 6.0}
-        super().__init__(id=id, **{**defaults, **values})
+        names = [name for name, _ in JointPlace._fields_]
+        place = {name: values.pop(name) for name in names if name in values}
+        super().__init__(id=id, place=JointPlace(**{**JointPlace._defaults, **place}),
+                         **{**self._defaults, **values})
+
+    def __getattr__(self, name):
+        return getattr(self.place, name)
 
 
-class LeaderSettings(Structure):
-    _fields_ = [("port", c_char_p), ("bits_per_second", c_uint), ("watchdog_units", c_int),
-                ("answer_limit_s", c_double), ("longest_delay_s", c_double),
-                ("longest_cycle_s", c_double), ("may_write_eeprom", c_int)]
+class DynamixelJoint(_Placed):
+    """One servo on a Dynamixel bus and the joint that it drives."""
+    _fields_ = [("id", c_int), ("place", JointPlace), ("torque_newton_m_per_ampere", c_double),
+                ("current_limit_ampere", c_double)]
+    _defaults = {}
+
+
+class DamiaoJoint(_Placed):
+    """One Damiao motor on a CAN bus, as in OpenArm, and the joint that it drives."""
+    _fields_ = [("id", c_int), ("place", JointPlace), ("feedback_id", c_int), ("model", c_char_p),
+                ("torque_limit_newton_m", c_double), ("torque_ratio", c_double)]
+    _defaults = {"torque_ratio": 1.0}
+
+    def __init__(self, id, model, **values):
+        super().__init__(id, model=model.encode(), **values)
+
+
+class DynamixelSettings(Structure):
+    _fields_ = [("port", c_char_p), ("times", LeaderTimes), ("bits_per_second", c_uint),
+                ("watchdog_units", c_int), ("may_write_eeprom", c_int)]
+    _defaults = {"bits_per_second": 1_000_000, "watchdog_units": 1}
+
+
+class DamiaoSettings(Structure):
+    _fields_ = [("port", c_char_p), ("times", LeaderTimes), ("is_fd", c_int),
+                ("timeout_s", c_double)]
+    _defaults = {"is_fd": 1, "timeout_s": 0.020}
 
 
 class LeaderReading(Structure):
     _fields_ = [("position_rad", Efforts), ("velocity_rad_per_s", Efforts),
-                ("current_ampere", Efforts), ("elapsed_s", c_double), ("is_known", c_int),
+                ("torque_newton_m", Efforts), ("elapsed_s", c_double), ("is_known", c_int),
                 ("repeated", c_ulonglong)]
 
 
 class LeaderFault(RuntimeError):
-    """The arm is limp; the text says which joint, and why. Make a new DynamixelLeader."""
+    """The arm is limp; the text says which joint, and why. Make a new leader."""
 
 
-class DynamixelLeader:
-    """A motorised leader arm on a Dynamixel bus, limp until enable(). Never run on hardware."""
+class _Leader:
+    """A motorised leader arm, limp until enable(). Never run on hardware."""
 
     def __init__(self, library, joints, port, **settings):
-        """joints: a LeaderJoint each. settings: of LeaderSettings."""
+        """joints: one each. settings: of LeaderTimes and of the bus."""
         self._library, self._handle = library, None
-        values = {"bits_per_second": 1_000_000, "watchdog_units": 1, "answer_limit_s": 0.010,
-                  "longest_delay_s": 0.006, "longest_cycle_s": 0.020, **settings}
+        times = {name: settings.pop(name) for name in LeaderTimes._defaults if name in settings}
+        made = self._settings(port=port.encode(),
+                              times=LeaderTimes(**{**LeaderTimes._defaults, **times}),
+                              **{**self._settings._defaults, **settings})
         error = create_string_buffer(400)
-        self._handle = library.palpate_leader_open(
-            (LeaderJoint * len(joints))(*joints), len(joints),
-            byref(LeaderSettings(port=port.encode(), **values)), error, len(error))
+        self._handle = getattr(library, self._open)(
+            (self._joint * len(joints))(*joints), len(joints), byref(made), error, len(error))
         if not self._handle:
             raise LeaderFault(error.value.decode())
         self.count = len(joints)
@@ -168,7 +207,7 @@ class DynamixelLeader:
             raise LeaderFault(self._library.palpate_leader_error(self._handle).decode())
 
     def enable(self):
-        """The person holds the arm. From now on each servo's watchdog counts."""
+        """The person holds the arm. From now on each motor's watchdog counts."""
         self._check(self._library.palpate_leader_enable(self._handle))
 
     def read(self):
@@ -184,7 +223,7 @@ class DynamixelLeader:
         return self._made[: self.count]
 
     def release(self):
-        """Current 0, then torque off."""
+        """No torque, then the motors off."""
         self._library.palpate_leader_release(self._handle)
 
     def close(self):
@@ -199,6 +238,16 @@ class DynamixelLeader:
         self.close()
 
     __del__ = close
+
+
+class DynamixelLeader(_Leader):
+    """On a Dynamixel bus: joints are DynamixelJoint, port is a serial line."""
+    _joint, _settings, _open = DynamixelJoint, DynamixelSettings, "palpate_leader_open_dynamixel"
+
+
+class DamiaoLeader(_Leader):
+    """Damiao motors, as in OpenArm: joints are DamiaoJoint, port is a CAN interface."""
+    _joint, _settings, _open = DamiaoJoint, DamiaoSettings, "palpate_leader_open_damiao"
 
 
 def load(path):
@@ -217,9 +266,10 @@ def load(path):
     library.palpate_ports_step.argtypes = [c_void_p, POINTER(PortInput), POINTER(PortOutput)]
     library.palpate_ports_destroy.argtypes = [c_void_p]
     library.palpate_ports_destroy.restype = None
-    library.palpate_leader_open.argtypes = [POINTER(LeaderJoint), c_size_t, POINTER(LeaderSettings),
-                                            c_char_p, c_size_t]
-    library.palpate_leader_open.restype = c_void_p
+    for bus in (DynamixelLeader, DamiaoLeader):
+        opens = getattr(library, bus._open)
+        opens.argtypes = [POINTER(bus._joint), c_size_t, POINTER(bus._settings), c_char_p, c_size_t]
+        opens.restype = c_void_p
     library.palpate_leader_read.argtypes = [c_void_p, POINTER(LeaderReading)]
     library.palpate_leader_write.argtypes = [c_void_p, Numbers, Numbers]
     for name in ("enable", "release", "close", "error", "description", "lease_s"):

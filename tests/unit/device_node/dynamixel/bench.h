@@ -24,13 +24,13 @@ namespace palpate::test {
 inline std::vector<device::DynamixelJoint> seven_joints() {
   std::vector<device::DynamixelJoint> joints(7);
   for (std::size_t i = 0; i < joints.size(); ++i) {
-    joints[i] = {.id = static_cast<int>(i + 1),
-                 .offset_rad = -3.14,  // ServoSettings::zero_rad
-                 .current_limit_ampere = 1.0,
-                 .lowest_rad = -2.0,
-                 .highest_rad = 2.0,
-                 .fastest_rad_per_s = 6.0,
-                 .play_rad = 0.0044};
+    joints[i] = {{.id = static_cast<int>(i + 1),
+                  .offset_rad = -3.14,  // ServoSettings::zero_rad
+                  .lowest_rad = -2.0,
+                  .highest_rad = 2.0,
+                  .fastest_rad_per_s = 6.0,
+                  .play_rad = 0.0044}};
+    joints[i].current_limit_ampere = 1.0;
   }
   return joints;
 }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "device_node/drivers/dynamixel/dynamixel_arm.h"
+#include "device_node/drivers/dynamixel/dynamixel_models.h"
 #include "device_node/emulators/dynamixel_emulator.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/device_node/dynamixel/bench.h"
@@ -459,7 +460,7 @@ TEST(DynamixelSetUp, WrongSettingsAreRefusedBeforeTheLineIsOpened) {
               HasSubstr("fastest_rad_per_s"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].play_rad = -1.0; }), HasSubstr("play"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].highest_rad = 9.0; }),
-              HasSubstr("below one turn of the horn"));
+              HasSubstr("below one turn of the shaft"));
   EXPECT_THAT(
       refusal_of([](LeaderBench& b) { b.joints[1].torque_newton_m_per_ampere = std::nan(""); }),
       HasSubstr("torque_newton_m_per_ampere"));
