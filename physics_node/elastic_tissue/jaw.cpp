@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "physics_node/elastic_tissue/jaw.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <stdexcept>
@@ -101,9 +102,9 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
               .along = command.edge(),
               .length_m = gripper.blade_length_m};
     const Vector3 way_m = tip->tip_m - tip->place_m;
-    origin_m_ = tip->place_m + way_m - way_m.dot(facing) * facing;
     deepest_m_ = command.deepest_m;
-    hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m);
+    hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m,
+                tip->place_m + way_m - way_m.dot(facing) * facing);
   } else {
     hold_around(simulation, tool, gripper, command, *tip);
   }
@@ -113,12 +114,43 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
 }
 
 /// The points beside the edge of a blade that has slipped so far.
+/// @param origin_m  they have no force if the tool, less its slip, is there
 void Jaw::hold_beside(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
-                      const Vector3& at_m, const Vector3& slip_m) {
+                      const Vector3& at_m, const Vector3& slip_m, const Vector3& origin_m) {
   const Vector3 from_m = blade_.from_m + slip_m;
   model_.points = static_cast<std::uint32_t>(simulation.hold_beside(
       tool, at_m, {from_m, from_m + blade_.length_m * blade_.along}, gripper.reach_m,
-      gripper.most_points, gripper.stiffness_newton_per_m, origin_m_));
+      gripper.most_points, gripper.stiffness_newton_per_m, origin_m));
+}
+
+/// What it held before comes to rest, and what it holds now is pushed, with as much energy: an edge
+/// that goes on takes its strain with it. Across and along the edge the blade is where it was in
+/// the tissue; in its direction it is there where the energy is the same.
+void Jaw::move_beside(ElasticSimulation& simulation, std::size_t tool,
+                      elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
+                      const Vector3& slip_m) {
+  const elastic::HeldPoints& held = simulation.held()[tool];
+  const Vector3 at_m = held.place_m();
+  const elastic::HeldPoints::Held& one = held.held().front();
+  const Vector3 way_m =
+      at_m + one.away_m - one.point.position_m(simulation.body().start_m.data());
+  hold_beside(simulation, tool, gripper, at_m, slip_m, at_m);
+  const Matrix3 K =
+      elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool)[tool];
+  const Vector3& newton = model_.elastic_force_on_tool_newton;
+  const double twice_joule = stiffness_with_.empty()
+                                 ? way_m.dot(K * way_m)
+                                 : newton.dot(stiffness_with_[tool].llt().solve(newton));
+  // ½ (q + t f) K (q + t f) is that, q the way in the plane at right angles to f
+  const Vector3& f = blade_.facing;
+  const Vector3 q = way_m - way_m.dot(f) * f;
+  const double least = -f.dot(K * q) / f.dot(K * f);
+  const Vector3 least_m = q + least * f;
+  const double more = twice_joule - least_m.dot(K * least_m);
+  const double t = least - std::copysign(std::sqrt(std::max(0.0, more) / f.dot(K * f)), newton.dot(f));
+  if (getenv("CUT_DBG")) fprintf(stderr, "c %.3f -> %.3f mm/N, F %.3f %.3f %.3f way %.4f %.4f %.4f t %.4f more %.3f slip %.4f %.4f\n", 1e3*twice_joule/newton.squaredNorm(), 1e3*newton.dot(K.llt().solve(newton))/newton.squaredNorm(), newton.x(), newton.y(), newton.z(), way_m.x(), way_m.y(), way_m.z(), t, more/twice_joule, slip_m.x(), slip_m.z());
+  const double share = more < 0.0 ? std::sqrt(twice_joule / (twice_joule - more)) : 1.0;
+  simulation.shift(tool, share * (q + t * f));
 }
 
 /// The points around the tip.
@@ -137,11 +169,12 @@ void Jaw::hold_around(ElasticSimulation& simulation, std::size_t tool, const Gri
   }
 }
 
-void Jaw::change_body(ElasticSimulation& simulation, std::size_t tool, const GripperConfig* gripper,
+void Jaw::change_body(ElasticSimulation& simulation, std::size_t tool,
+                      elastic::SurfaceCompliance& compliance, const GripperConfig* gripper,
                       const Vector3& slip_m) {
   if (!model_.is_holding()) return;
   if (gripper != nullptr && gripper->is_blade()) {
-    hold_beside(simulation, tool, *gripper, simulation.held()[tool].place_m(), slip_m);
+    move_beside(simulation, tool, compliance, *gripper, slip_m);
   }
   model_.points = static_cast<std::uint32_t>(simulation.held()[tool].size());
   ++changes_;

@@ -303,7 +303,10 @@ CutOf40mm cut_40_mm(const SceneConfig& scene, double y_m = 0.001) {
   BladeHand hand(scene, y_m);
   double x_m = -0.034;
   const auto go_until = [&](double depth_m) {
-    while (hand.depth_m() < depth_m && x_m < 0.025) hand.go_to(x_m += 2e-4);
+    while (hand.depth_m() < depth_m && x_m < 0.025) {
+      hand.go_to(x_m += 2e-4);
+      if (getenv("CUT_TRACE")) fprintf(stderr, "T %.4f %.3f %.3f %.3f depth %.4f\n", x_m, hand.newton().x(), hand.newton().y(), hand.newton().z(), hand.depth_m());
+    }
   };
   go_until(0.005);
   const double work_0 = hand.work_joule();
