@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -103,8 +104,9 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
               .length_m = gripper.blade_length_m};
     const Vector3 way_m = tip->tip_m - tip->place_m;
     deepest_m_ = command.deepest_m;
-    hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m,
-                tip->place_m + way_m - way_m.dot(facing) * facing);
+    model_.points = static_cast<std::uint32_t>(
+        hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m,
+                    tip->place_m + way_m - way_m.dot(facing) * facing));
   } else {
     hold_around(simulation, tool, gripper, command, *tip);
   }
@@ -114,43 +116,41 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
 }
 
 /// The points beside the edge of a blade that has slipped so far.
-/// @param origin_m  they have no force if the tool, less its slip, is there
-void Jaw::hold_beside(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
-                      const Vector3& at_m, const Vector3& slip_m, const Vector3& origin_m) {
+std::size_t Jaw::hold_beside(ElasticSimulation& simulation, std::size_t tool,
+                             const GripperConfig& gripper, const Vector3& at_m,
+                             const Vector3& slip_m, const Vector3& origin_m) const {
   const Vector3 from_m = blade_.from_m + slip_m;
-  model_.points = static_cast<std::uint32_t>(simulation.hold_beside(
-      tool, at_m, {from_m, from_m + blade_.length_m * blade_.along}, gripper.reach_m,
-      gripper.most_points, gripper.stiffness_newton_per_m, origin_m));
+  return simulation.hold_beside(tool, at_m, {from_m, from_m + blade_.length_m * blade_.along},
+                                gripper.reach_m, gripper.most_points,
+                                gripper.stiffness_newton_per_m, origin_m);
 }
 
-/// What it held before comes to rest, and what it holds now is pushed, with as much energy: an edge
-/// that goes on takes its strain with it. Across and along the edge the blade is where it was in
-/// the tissue; in its direction it is there where the energy is the same.
+/// What it held comes to rest, and what is beside the edge now is pushed with the same energy: an
+/// edge that goes on takes its strain with it. Across its direction the blade is as far in the
+/// tissue as it was.
 void Jaw::move_beside(ElasticSimulation& simulation, std::size_t tool,
                       elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
                       const Vector3& slip_m) {
-  const elastic::HeldPoints& held = simulation.held()[tool];
-  const Vector3 at_m = held.place_m();
-  const elastic::HeldPoints::Held& one = held.held().front();
-  const Vector3 way_m =
-      at_m + one.away_m - one.point.position_m(simulation.body().start_m.data());
-  hold_beside(simulation, tool, gripper, at_m, slip_m, at_m);
+  const Vector3 at_m = simulation.held()[tool].place_m();
+  const Vector3 way_m = at_m - simulation.origin_m(tool);
+  if (hold_beside(simulation, tool, gripper, at_m, slip_m, at_m) == 0) return;
   const Matrix3 K =
       elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool)[tool];
-  const Vector3& newton = model_.elastic_force_on_tool_newton;
+  const Vector3& newton = last_.force_on_tool_newton;
   const double twice_joule = stiffness_with_.empty()
                                  ? way_m.dot(K * way_m)
                                  : newton.dot(stiffness_with_[tool].llt().solve(newton));
-  // ½ (q + t f) K (q + t f) is that, q the way in the plane at right angles to f
+  // wᵀ K w is that, with w = q + t f and q the way in the plane at right angles to f
   const Vector3& f = blade_.facing;
   const Vector3 q = way_m - way_m.dot(f) * f;
-  const double least = -f.dot(K * q) / f.dot(K * f);
-  const Vector3 least_m = q + least * f;
-  const double more = twice_joule - least_m.dot(K * least_m);
-  const double t = least - std::copysign(std::sqrt(std::max(0.0, more) / f.dot(K * f)), newton.dot(f));
-  if (getenv("CUT_DBG")) fprintf(stderr, "c %.3f -> %.3f mm/N, F %.3f %.3f %.3f way %.4f %.4f %.4f t %.4f more %.3f slip %.4f %.4f\n", 1e3*twice_joule/newton.squaredNorm(), 1e3*newton.dot(K.llt().solve(newton))/newton.squaredNorm(), newton.x(), newton.y(), newton.z(), way_m.x(), way_m.y(), way_m.z(), t, more/twice_joule, slip_m.x(), slip_m.z());
-  const double share = more < 0.0 ? std::sqrt(twice_joule / (twice_joule - more)) : 1.0;
-  simulation.shift(tool, share * (q + t * f));
+  const double stiff = f.dot(K * f);
+  const double softest = -f.dot(K * q) / stiff;
+  const Vector3 least_m = q + softest * f;
+  const double least_joule = least_m.dot(K * least_m);
+  const double more_m = std::sqrt(std::max(0.0, twice_joule - least_joule) / stiff);
+  const Vector3 now_m = least_m - std::copysign(more_m, newton.dot(f)) * f;
+  simulation.shift(tool, (least_joule > twice_joule ? std::sqrt(twice_joule / least_joule) : 1.0) *
+                             now_m);
 }
 
 /// The points around the tip.

@@ -166,8 +166,9 @@ class Jaw {
     }
   };
   void let_go(ElasticSimulation& simulation, std::size_t tool);
-  void hold_beside(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
-                   const Vector3& at_m, const Vector3& slip_m, const Vector3& origin_m);
+  [[nodiscard]] std::size_t hold_beside(ElasticSimulation& simulation, std::size_t tool,
+                                        const GripperConfig& gripper, const Vector3& at_m,
+                                        const Vector3& slip_m, const Vector3& origin_m) const;
   void move_beside(ElasticSimulation& simulation, std::size_t tool,
                    elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
                    const Vector3& slip_m);

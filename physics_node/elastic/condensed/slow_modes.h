@@ -23,8 +23,9 @@ struct SlowModes {
 
 /// The slowest, at most so many, with a period of at least `shortest_s`, that let a node give way
 /// by at least `least_give_m_per_newton` under a force on it: the best in a Krylov space of K⁻¹M.
-/// They need not have converged: Σ φφᵀ/ω² is never more than K⁻¹. Allocates; about three solutions
-/// per mode.
+/// They need not have converged: Σ φφᵀ/ω² is never more than K⁻¹. Allocates; solves for kTogether
+/// vectors at a time, until that changes no mode that counts, and at most about three times as many
+/// as modes.
 /// @param factor  in double precision: a slow mode gives way so much more than a single point does
 ///     that rounding would leave nothing of that. It is made anew, of the undeformed body
 /// @return  none if the stiffness cannot be factorised

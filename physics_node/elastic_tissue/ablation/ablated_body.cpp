@@ -252,8 +252,6 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
   after->cut = elastic::cut_area(all.mesh, after->elements, cuts, left.mesh);
   after->nodes = left.nodes;
   after->change.old_nodes = old_nodes_of(before, *after, left.mesh, all.mesh.element_count());
-  const bool is_alike = after->elements == before.elements && after->nodes == before.nodes &&
-                        left.mesh.elements == before.body()->body->mesh().elements;
   elastic::VectorXd start_m;
   if (whole.body->load_newton().size() > 0) {
     start_m = values_at(before.body()->start_m, after->change.old_nodes);
@@ -261,7 +259,7 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
   after->shared = std::make_shared<BodyCompliance>(remade_elastic_body(
       whole,
       description_of(whole, std::move(left), after->elements, stages, softest_ratio, attached),
-      start_m, is_alike ? before.body()->body.get() : nullptr));
+      start_m, before.body()->body.get(), after->change.old_nodes));
   after->change.old_points = old_points_of(before, *after, all.mesh.element_count());
 
   // the first steps of a tool that is there shall not wait for them

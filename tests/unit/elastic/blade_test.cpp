@@ -412,7 +412,7 @@ TEST_F(BladeScene, WhatIsCutIsTheBodyThatIsBuiltWithASlit) {
       if (copy != copy_of.end()) slit.mesh.elements[4 * e + k] = copy->second;
     }
   }
-  const auto built = remade_elastic_body(*body, std::move(slit), {}, nullptr);
+  const auto built = remade_elastic_body(*body, std::move(slit), {}).body;
   EXPECT_EQ(cut->nodes.size(), built->body->node_count());
   BodyCompliance built_shared(built);
   BodyCompliance whole_shared(body);
