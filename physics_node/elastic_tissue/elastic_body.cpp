@@ -256,22 +256,33 @@ elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vec
       "load");
 }
 
+/// 3 rows per node, those of these nodes.
+Eigen::MatrixXd rows_at(const Eigen::MatrixXd& all, std::span<const std::uint32_t> nodes) {
+  Eigen::MatrixXd rows(3 * static_cast<Eigen::Index>(nodes.size()), all.cols());
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    rows.middleRows<3>(3 * static_cast<Eigen::Index>(i)) =
+        all.middleRows<3>(3 * Eigen::Index{nodes[i]});
+  }
+  return rows;
+}
+
 /// The rest of a body whose constants are known.
 /// @param start_m  where the search for its rest position begins; empty: it is in the mesh
 /// @param name     begins the message of a SetupError
-/// @param before, old_nodes  @see elastic::Body
+/// @param before, old_nodes  @see remade_elastic_body
 /// @return  the factor of the undeformed body, if it was needed
 std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription description,
                                               const elastic::VectorXd& start_m,
                                               const std::string& name, ElasticBody& made,
-                                              const elastic::Body* before = nullptr,
+                                              const ElasticBody* before = nullptr,
                                               std::span<const std::uint32_t> old_nodes = {}) {
   made.faces = elastic::surface_of(description.mesh);
   made.points = contact_points(description.mesh, made.faces, made.tip_radius_m);
   made.surface_nodes = nodes_of(description.mesh, made.faces);
   add_parts(description.mesh, made);
   try {
-    made.body = std::make_unique<const elastic::Body>(std::move(description), before, old_nodes);
+    made.body = std::make_unique<const elastic::Body>(
+        std::move(description), before == nullptr ? nullptr : before->body.get(), old_nodes);
   } catch (const std::invalid_argument& error) {
     throw SetupError(name + error.what());
   }
@@ -301,7 +312,9 @@ std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription descripti
     at_rest.emplace(*made.body, elastic::Precision::kDouble);
     made.slow_modes =
         elastic::slow_modes_of(*made.body, *at_rest, kShortestPeriods / made.solve_rate_hz,
-                               kLeastGive / (young_pa * made.tip_radius_m), kMostSlowModes);
+                               kLeastGive / (young_pa * made.tip_radius_m), kMostSlowModes,
+                               before == nullptr ? Eigen::MatrixXd()
+                                                 : rows_at(before->slow_modes.slowest, old_nodes));
   }
   TriangleMesh surface;
   std::vector<std::uint32_t> vertex_of(made.body->node_count(), 0);
@@ -412,7 +425,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
 }
 
 RemadeBody remade_elastic_body(const ElasticBody& like, elastic::BodyDescription description,
-                               const elastic::VectorXd& start_m, const elastic::Body* before,
+                               const elastic::VectorXd& start_m, const ElasticBody* before,
                                std::span<const std::uint32_t> old_nodes) {
   auto made = std::make_shared<ElasticBody>(ElasticBody{
       .tissue = like.tissue, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});

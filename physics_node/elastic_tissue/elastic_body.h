@@ -106,12 +106,12 @@ struct RemadeBody {
 /// A body like this one, of another description: fewer elements, other materials. Takes up to
 /// seconds.
 /// @param start_m  where the search for its rest position begins
-/// @param before, old_nodes  @see elastic::Body
+/// @param before, old_nodes  of which it is made, for speed @see elastic::Body
 /// @throws SetupError  it cannot be used @see make_elastic_body
 [[nodiscard]] RemadeBody remade_elastic_body(const ElasticBody& like,
                                              elastic::BodyDescription description,
                                              const elastic::VectorXd& start_m,
-                                             const elastic::Body* before = nullptr,
+                                             const ElasticBody* before = nullptr,
                                              std::span<const std::uint32_t> old_nodes = {});
 
 /// The elastic bodies of a scene; empty: it has none. @throws SetupError  @see make_elastic_body

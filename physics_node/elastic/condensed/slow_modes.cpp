@@ -18,10 +18,10 @@ namespace {
 constexpr Eigen::Index kBlock = kTogether;
 // A vector that has so little that is new is left out, relative.
 constexpr double kNothingNew = 1e-9;
-// A mode has settled when the next vectors change 1/ω² by so much, relative.
-constexpr double kSettled = 1e-6;
-// No other one will count where none gives way by this share of what it must.
-constexpr double kFarFromCounting = 0.5;
+// From the slowest of a body that is much the same, so many times K⁻¹M.
+constexpr Eigen::Index kTimesAgain = 2;
+// Besides them, for what is new.
+constexpr Eigen::Index kAny = 2;
 
 using Eigen::MatrixXd;
 
@@ -34,23 +34,6 @@ MatrixXd weighted(const Body& body, const MatrixXd& x) {
   return product;
 }
 
-/// The modes that count, as far as they are known.
-struct Best {
-  std::vector<double> gives = {};  // 1/ω², descending
-  MatrixXd shapes = {};
-  double next_m_per_newton = 0.0;  // by as much one gives way at most that does not count
-
-  [[nodiscard]] bool is_settled_since(const Best& before, double least_give_m_per_newton) const {
-    if (before.shapes.rows() == 0 || before.gives.size() != gives.size() ||
-        next_m_per_newton > kFarFromCounting * least_give_m_per_newton) {
-      return false;
-    }
-    return std::equal(gives.begin(), gives.end(), before.gives.begin(), [](double a, double b) {
-      return std::abs(a - b) <= kSettled * a;
-    });
-  }
-};
-
 /// V, orthonormal with M, and K⁻¹ M V.
 class KrylovSpace {
  public:
@@ -61,55 +44,41 @@ class KrylovSpace {
         heavy_(body.rest_m().size(), most),
         given_(body.rest_m().size(), most) {}
 
-  /// By up to kBlock vectors. False: there is nothing more.
-  bool grow() {
-    const Eigen::Index begin = found_;
-    const Eigen::Index tries = begin == 0 ? kBlock : begin - last_;
-    for (Eigen::Index i = 0; i < tries && found_ < basis_.cols(); ++i) {
-      add(begin == 0 ? any() : VectorXd(given_.col(last_ + i)));
+  /// With these vectors and any others.
+  void begin(const MatrixXd& start) {
+    for (Eigen::Index k = 0; k < start.cols(); ++k) add(start.col(k));
+    while (found_ < std::min(kBlock, basis_.cols()) && add(any())) {
     }
-    last_ = begin;
+  }
+  /// False: there is nothing more.
+  bool grow() {
+    const Eigen::Index end = found_;
     std::vector<double*> columns;
-    for (Eigen::Index k = begin; k < found_; ++k) {
+    for (Eigen::Index k = solved_; k < end; ++k) {
       given_.col(k) = heavy_.col(k);
       columns.push_back(given_.col(k).data());
     }
     if (columns.empty()) return false;
     factor_.solve_together(columns);
+    for (Eigen::Index k = solved_; k < end && found_ < basis_.cols(); ++k) add(given_.col(k));
+    solved_ = end;
     return true;
   }
 
-  /// Ritz vectors among K⁻¹ M V: its stiffness is that with M V.
-  [[nodiscard]] Best best(double least_give, double least_give_m_per_newton,
-                          Eigen::Index most) const {
-    Best best;
-    const auto space = given_.leftCols(found_);
-    MatrixXd stiffness = space.transpose() * heavy_.leftCols(found_);
+  struct Ritz {
+    Eigen::VectorXd gives;  // 1/ω², ascending
+    MatrixXd shapes;        // K⁻¹ M V times this has stiffness 1
+  };
+  /// Among K⁻¹ M V, whose stiffness is that with M V.
+  [[nodiscard]] Ritz ritz() const {
+    MatrixXd stiffness = given().transpose() * heavy_.leftCols(solved_);
     stiffness = (0.5 * (stiffness + stiffness.transpose())).eval();
-    const MatrixXd mass = space.transpose() * weighted(body_, space);
-    // 1/ω² descending, by M s = (1/ω²) K s
+    const MatrixXd mass = given().transpose() * weighted(body_, given());
     const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> solver(mass, stiffness);
-    if (solver.info() != Eigen::Success) return best;
-    best.shapes.resize(given_.rows(), most);
-    for (Eigen::Index k = found_; k-- > 0 && static_cast<Eigen::Index>(best.gives.size()) < most;) {
-      const double give = solver.eigenvalues()[k];
-      if (!(give > least_give)) break;
-      // the solver's vectors have stiffness 1
-      const VectorXd shape = space * solver.eigenvectors().col(k) / std::sqrt(give);
-      double most_moved = 0.0;
-      for (Eigen::Index i = 0; i < shape.size(); i += 3) {
-        most_moved = std::max(most_moved, shape.segment<3>(i).squaredNorm());
-      }
-      if (most_moved * give < least_give_m_per_newton) {
-        best.next_m_per_newton = std::max(best.next_m_per_newton, most_moved * give);
-        continue;
-      }
-      best.shapes.col(static_cast<Eigen::Index>(best.gives.size())) = shape;
-      best.gives.push_back(give);
-    }
-    best.shapes.conservativeResize(Eigen::NoChange, static_cast<Eigen::Index>(best.gives.size()));
-    return best;
+    if (solver.info() != Eigen::Success) return {};
+    return {.gives = solver.eigenvalues(), .shapes = solver.eigenvectors()};
   }
+  [[nodiscard]] Eigen::Ref<const MatrixXd> given() const { return given_.leftCols(solved_); }
 
  private:
   [[nodiscard]] VectorXd any() {
@@ -121,17 +90,18 @@ class KrylovSpace {
     return vector;
   }
 
-  /// What is new of it.
-  void add(VectorXd next) {
+  /// What is new of it; false: nothing.
+  bool add(VectorXd next) {
     const double size_before = std::sqrt(next.dot(weighted(body_, next).col(0)));
     for (int twice = 0; twice < 2; ++twice) {
       next -= basis_.leftCols(found_) * (heavy_.leftCols(found_).transpose() * next);
     }
     const double size_after = std::sqrt(next.dot(weighted(body_, next).col(0)));
-    if (!(size_after > kNothingNew * size_before)) return;
+    if (!(size_after > kNothingNew * size_before)) return false;
     basis_.col(found_) = next / size_after;
     heavy_.col(found_) = weighted(body_, basis_.col(found_));
     ++found_;
+    return true;
   }
 
   const Body& body_;
@@ -140,7 +110,7 @@ class KrylovSpace {
   MatrixXd heavy_;  // M V
   MatrixXd given_;  // K⁻¹ M V
   Eigen::Index found_ = 0;
-  Eigen::Index last_ = 0;  // where those begin that were found last
+  Eigen::Index solved_ = 0;  // of these
   std::mt19937_64 random_{1};
   std::uniform_real_distribution<double> number_{-1.0, 1.0};
 };
@@ -148,28 +118,44 @@ class KrylovSpace {
 }  // namespace
 
 SlowModes slow_modes_of(const Body& body, WarpedFactor& factor, double shortest_s,
-                        double least_give_m_per_newton, Eigen::Index most) {
-  if (most <= 0 || !factor.factor(body.rest_m(), no_rotations(body.node_count()), {}, nullptr)) {
-    return {};
-  }
-  const Eigen::Index free = 3 * static_cast<Eigen::Index>(body.pattern().size());
-  KrylovSpace space(body, factor, std::min(3 * most + 2 * kBlock, free));
-  const double slowest_rate = 2.0 * std::numbers::pi / shortest_s;
-  Best best;
-  while (space.grow()) {
-    Best next = space.best(1.0 / (slowest_rate * slowest_rate), least_give_m_per_newton, most);
-    const bool is_settled = next.is_settled_since(best, least_give_m_per_newton);
-    best = std::move(next);
-    if (is_settled) break;
-  }
+                        double least_give_m_per_newton, Eigen::Index most,
+                        const Eigen::MatrixXd& start) {
   SlowModes modes;
-  const auto count = static_cast<Eigen::Index>(best.gives.size());
-  modes.shapes = std::move(best.shapes);
+  if (most <= 0 || !factor.factor(body.rest_m(), no_rotations(body.node_count()), {}, nullptr)) {
+    return modes;
+  }
+  const Eigen::Index size = body.rest_m().size();
+  const Eigen::Index free = 3 * static_cast<Eigen::Index>(body.pattern().size());
+  const Eigen::Index wanted = start.cols() > 0 ? kTimesAgain * kBlock : 3 * most + 2 * kBlock;
+  KrylovSpace space(body, factor, std::min(wanted, free));
+  space.begin(start);
+  while (space.grow()) {
+  }
+  const KrylovSpace::Ritz ritz = space.ritz();
+  const Eigen::Index found = ritz.gives.size();
+  modes.slowest = space.given() * ritz.shapes.rightCols(std::min(found, kBlock - kAny));
+  const double slowest_rate = 2.0 * std::numbers::pi / shortest_s;
+  modes.shapes.resize(size, most);
+  std::vector<double> gives;
+  for (Eigen::Index k = found; k-- > 0 && static_cast<Eigen::Index>(gives.size()) < most;) {
+    const double give = ritz.gives[k];
+    if (!(give * slowest_rate * slowest_rate > 1.0)) break;
+    const VectorXd shape = space.given() * ritz.shapes.col(k) / std::sqrt(give);
+    double most_moved = 0.0;
+    for (Eigen::Index i = 0; i < size; i += 3) {
+      most_moved = std::max(most_moved, shape.segment<3>(i).squaredNorm());
+    }
+    if (most_moved * give < least_give_m_per_newton) continue;
+    modes.shapes.col(static_cast<Eigen::Index>(gives.size())) = shape;
+    gives.push_back(give);
+  }
+  const auto count = static_cast<Eigen::Index>(gives.size());
+  modes.shapes.conservativeResize(Eigen::NoChange, count);
   modes.rates_per_s2.resize(count);
   modes.damping_per_s.resize(count);
   const double viscosity_s = body.description().materials.front().stiffness_damping_s;
   for (Eigen::Index k = 0; k < count; ++k) {
-    const double give = best.gives[static_cast<std::size_t>(k)];
+    const double give = gives[static_cast<std::size_t>(k)];
     modes.rates_per_s2[k] = 1.0 / give;
     double damping = 0.0;
     for (Eigen::Index node = 0; node < body.mass_kg().size(); ++node) {

@@ -18,19 +18,22 @@ struct SlowModes {
   Eigen::MatrixXd weighted;       ///< M φ
   Eigen::VectorXd rates_per_s2;   ///< ω², ascending
   Eigen::VectorXd damping_per_s;  ///< of q̇
+  Eigen::MatrixXd slowest;        ///< about the slowest, whether they count or not
   [[nodiscard]] Eigen::Index count() const noexcept { return rates_per_s2.size(); }
 };
 
 /// The slowest, at most so many, with a period of at least `shortest_s`, that let a node give way
 /// by at least `least_give_m_per_newton` under a force on it: the best in a Krylov space of K⁻¹M.
-/// They need not have converged: Σ φφᵀ/ω² is never more than K⁻¹. Allocates; solves for kTogether
-/// vectors at a time, until that changes no mode that counts, and at most about three times as many
-/// as modes.
+/// They need not have converged: Σ φφᵀ/ω² is never more than K⁻¹. Allocates; about five solutions
+/// per mode, kTogether at a time; fewer with a start.
+/// @param start  SlowModes::slowest of a body that is much the same, at the nodes of this one;
+///     without columns: there is none
 /// @param factor  in double precision: a slow mode gives way so much more than a single point does
 ///     that rounding would leave nothing of that. It is made anew, of the undeformed body
 /// @return  none if the stiffness cannot be factorised
 [[nodiscard]] SlowModes slow_modes_of(const Body& body, WarpedFactor& factor, double shortest_s,
-                                      double least_give_m_per_newton, Eigen::Index most);
+                                      double least_give_m_per_newton, Eigen::Index most,
+                                      const Eigen::MatrixXd& start = {});
 
 /// The motion of these modes from a full solution on, under forces at some points of the surface:
 /// q̈ + d q̇ + ω² q = φᵀ f + g, with g what the solution leaves.

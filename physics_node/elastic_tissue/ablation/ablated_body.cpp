@@ -259,7 +259,7 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
   after->shared = std::make_shared<BodyCompliance>(remade_elastic_body(
       whole,
       description_of(whole, std::move(left), after->elements, stages, softest_ratio, attached),
-      start_m, before.body()->body.get(), after->change.old_nodes));
+      start_m, before.body().get(), after->change.old_nodes));
   after->change.old_points = old_points_of(before, *after, all.mesh.element_count());
 
   // the first steps of a tool that is there shall not wait for them
