@@ -256,16 +256,6 @@ elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vec
       "load");
 }
 
-/// 3 rows per node, those of these nodes.
-Eigen::MatrixXd rows_at(const Eigen::MatrixXd& all, std::span<const std::uint32_t> nodes) {
-  Eigen::MatrixXd rows(3 * static_cast<Eigen::Index>(nodes.size()), all.cols());
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    rows.middleRows<3>(3 * static_cast<Eigen::Index>(i)) =
-        all.middleRows<3>(3 * Eigen::Index{nodes[i]});
-  }
-  return rows;
-}
-
 /// The rest of a body whose constants are known.
 /// @param start_m  where the search for its rest position begins; empty: it is in the mesh
 /// @param name     begins the message of a SetupError
@@ -286,7 +276,6 @@ std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription descripti
   } catch (const std::invalid_argument& error) {
     throw SetupError(name + error.what());
   }
-
   const bool has_start = start_m.size() > 0;
   made.start_m = has_start ? start_m : made.body->rest_m();
   if (made.body->load_newton().size() > 0 || has_start) {
@@ -313,8 +302,7 @@ std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription descripti
     made.slow_modes =
         elastic::slow_modes_of(*made.body, *at_rest, kShortestPeriods / made.solve_rate_hz,
                                kLeastGive / (young_pa * made.tip_radius_m), kMostSlowModes,
-                               before == nullptr ? Eigen::MatrixXd()
-                                                 : rows_at(before->slow_modes.slowest, old_nodes));
+                               before == nullptr ? nullptr : &before->slow_modes, old_nodes);
   }
   TriangleMesh surface;
   std::vector<std::uint32_t> vertex_of(made.body->node_count(), 0);
@@ -322,9 +310,8 @@ std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription descripti
     vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
     surface.vertices_m.emplace_back(made.start_m.segment<3>(3 * Eigen::Index{node}));
   }
-  for (const auto& [a, b, c] : triangles_of(made)) {
+  for (const auto& [a, b, c] : triangles_of(made))
     surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
-  }
   const std::string complaint = complaint_about(surface);
   if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
   made.shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
@@ -439,8 +426,7 @@ RemadeBody remade_elastic_body(const ElasticBody& like, elastic::BodyDescription
   made->solve_rate_hz = like.solve_rate_hz;
   made->viscosity_s = like.viscosity_s;
   made->prompt_ratio = like.prompt_ratio;
-  std::optional<elastic::WarpedFactor> at_rest =
-      complete(std::move(description), start_m, "", *made, before, old_nodes);
+  auto at_rest = complete(std::move(description), start_m, "", *made, before, old_nodes);
   return {.body = std::move(made), .at_rest = std::move(at_rest)};
 }
 

@@ -134,8 +134,7 @@ void Jaw::move_beside(ElasticSimulation& simulation, std::size_t tool,
   const Vector3 at_m = simulation.held()[tool].place_m();
   const Vector3 way_m = at_m - simulation.origin_m(tool);
   if (hold_beside(simulation, tool, gripper, at_m, slip_m, at_m) == 0) return;
-  const Matrix3 K =
-      elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool)[tool];
+  const Matrix3 K = elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool)[tool];
   const Vector3& newton = last_.force_on_tool_newton;
   const double twice_joule = stiffness_with_.empty()
                                  ? way_m.dot(K * way_m)
@@ -149,8 +148,8 @@ void Jaw::move_beside(ElasticSimulation& simulation, std::size_t tool,
   const double least_joule = least_m.dot(K * least_m);
   const double more_m = std::sqrt(std::max(0.0, twice_joule - least_joule) / stiff);
   const Vector3 now_m = least_m - std::copysign(more_m, newton.dot(f)) * f;
-  simulation.shift(tool, (least_joule > twice_joule ? std::sqrt(twice_joule / least_joule) : 1.0) *
-                             now_m);
+  simulation.shift(
+      tool, (least_joule > twice_joule ? std::sqrt(twice_joule / least_joule) : 1.0) * now_m);
 }
 
 /// The points around the tip.

@@ -34,6 +34,16 @@ MatrixXd weighted(const Body& body, const MatrixXd& x) {
   return product;
 }
 
+/// 3 rows per node, those of these nodes.
+MatrixXd rows_at(const MatrixXd& all, std::span<const std::uint32_t> nodes) {
+  MatrixXd rows(3 * static_cast<Eigen::Index>(nodes.size()), all.cols());
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    rows.middleRows<3>(3 * static_cast<Eigen::Index>(i)) =
+        all.middleRows<3>(3 * Eigen::Index{nodes[i]});
+  }
+  return rows;
+}
+
 /// V, orthonormal with M, and K⁻¹ M V.
 class KrylovSpace {
  public:
@@ -118,14 +128,16 @@ class KrylovSpace {
 }  // namespace
 
 SlowModes slow_modes_of(const Body& body, WarpedFactor& factor, double shortest_s,
-                        double least_give_m_per_newton, Eigen::Index most,
-                        const Eigen::MatrixXd& start) {
+                        double least_give_m_per_newton, Eigen::Index most, const SlowModes* before,
+                        std::span<const std::uint32_t> old_nodes) {
   SlowModes modes;
   if (most <= 0 || !factor.factor(body.rest_m(), no_rotations(body.node_count()), {}, nullptr)) {
     return modes;
   }
   const Eigen::Index size = body.rest_m().size();
   const Eigen::Index free = 3 * static_cast<Eigen::Index>(body.pattern().size());
+  MatrixXd start;
+  if (before != nullptr) start = rows_at(before->slowest, old_nodes);
   const Eigen::Index wanted = start.cols() > 0 ? kTimesAgain * kBlock : 3 * most + 2 * kBlock;
   KrylovSpace space(body, factor, std::min(wanted, free));
   space.begin(start);

@@ -27,8 +27,8 @@ class HeldPoints {
   /// lie there: with no force if the tool, less its slip, is at `origin_m`.
   /// @param rest_m  of the body   @return  how many there are; 0: it holds what it held
   std::size_t take_beside(const std::vector<SurfacePoint>& points, const double* rest_m,
-                   const std::array<Vector3d, 2>& edge_m, double reach_m, std::size_t most,
-                   double newton_per_m, const Vector3d& origin_m);
+                          const std::array<Vector3d, 2>& edge_m, double reach_m, std::size_t most,
+                          double newton_per_m, const Vector3d& origin_m);
   /// They lie so much farther from the tool.
   void shift(const Vector3d& by_m) noexcept {
     for (Held& one : held_) one.away_m += by_m;

@@ -45,8 +45,8 @@ class BlockCholesky {
   /// x = A⁻¹ b, both 3 per row of the pattern. b and x may be the same. No allocation.
   void solve(const double* b, double* x);
 
-  /// The same for up to kTogether right-hand sides, which may be the solutions: a panel is read once
-  /// for all. Allocates.
+  /// The same for up to kTogether right-hand sides, which may be the solutions: a panel is read
+  /// once for all. Allocates.
   void solve_together(std::span<double* const> b);
 
   /// Columns of A⁻¹ for up to kMostColumns rows of the pattern, read by column_entry() until the
