@@ -86,7 +86,6 @@ class WarpedFactor {
   /// gone.
   void unfold();
 
-  [[nodiscard]] const Body& body() const noexcept { return *body_; }
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
   [[nodiscard]] const Body::Shift& shift() const noexcept { return shift_; }
 

@@ -148,6 +148,7 @@ void Jaw::move_beside(ElasticSimulation& simulation, std::size_t tool,
   const double least_joule = least_m.dot(K * least_m);
   const double more_m = std::sqrt(std::max(0.0, twice_joule - least_joule) / stiff);
   const Vector3 now_m = least_m - std::copysign(more_m, newton.dot(f)) * f;
+  if (!now_m.allFinite()) return;
   simulation.shift(
       tool, (least_joule > twice_joule ? std::sqrt(twice_joule / least_joule) : 1.0) * now_m);
 }
@@ -173,7 +174,11 @@ void Jaw::change_body(ElasticSimulation& simulation, std::size_t tool,
                       const Vector3& slip_m) {
   if (!model_.is_holding()) return;
   if (gripper != nullptr && gripper->is_blade()) {
-    move_beside(simulation, tool, compliance, *gripper, slip_m);
+    try {
+      move_beside(simulation, tool, compliance, *gripper, slip_m);
+    } catch (const std::runtime_error&) {  // without a compliance nothing can be held
+      return let_go(simulation, tool);
+    }
   }
   model_.points = static_cast<std::uint32_t>(simulation.held()[tool].size());
   ++changes_;
