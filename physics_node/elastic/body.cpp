@@ -17,6 +17,9 @@ namespace {
 
 using Eigen::Matrix3d;
 
+// Of the blocks in the factor of a body, those in that of another one with the same order.
+constexpr double kMostFill = 1.2;
+
 void require(bool is_so, const std::string& rule) {
   if (!is_so) throw std::invalid_argument("elastic body: " + rule);
 }
@@ -130,16 +133,16 @@ double dilatation(Law law, const Matrix3<double>& F, const double* q) {
 
 }  // namespace
 
-Body::Body(BodyDescription description, const Body* alike)
+Body::Body(BodyDescription description, const Body* before,
+           std::span<const std::uint32_t> old_nodes)
     : description_(std::move(description)), shared_factors_(std::make_shared<SharedFactors>()) {
   check(description_);
   const Mesh& mesh = description_.mesh;
   std::vector<bool> is_fixed(mesh.nodes_m.size(), false);
   for (const std::uint32_t node : description_.fixed_nodes) is_fixed[node] = true;
   pattern_ = pattern_of(mesh, is_fixed);
-  if (alike != nullptr) {
-    symbolic_ = alike->symbolic_;
-  } else {
+  if (before != nullptr) analyse_as(*before, old_nodes);
+  if (symbolic_ == nullptr) {
     SymbolicFactor dissected = analyse(pattern_, dissection_order(pattern_, mesh.nodes_m));
     SymbolicFactor least_degree = analyse(pattern_, minimum_degree_order(pattern_));
     symbolic_ = std::make_shared<const SymbolicFactor>(
@@ -181,6 +184,29 @@ Body::Body(BodyDescription description, const Body* alike)
     is_viscous_ = is_viscous_ || material.stiffness_damping_s > 0.0;
     has_mass_damping_ = has_mass_damping_ || material.mass_damping_per_s > 0.0;
   }
+}
+
+/// Each node when that one is eliminated, copies one after the other.
+void Body::analyse_as(const Body& before, std::span<const std::uint32_t> old_nodes) {
+  if (pattern_.row_of == before.pattern_.row_of && pattern_.starts == before.pattern_.starts &&
+      pattern_.rows == before.pattern_.rows) {
+    symbolic_ = before.symbolic_;
+    return;
+  }
+  if (old_nodes.empty()) return;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> places;
+  for (std::uint32_t row = 0; row < pattern_.size(); ++row) {
+    const std::int32_t old = before.pattern_.row_of[old_nodes[pattern_.nodes[row]]];
+    if (old < 0) return;
+    places.emplace_back(before.symbolic_->position[static_cast<std::size_t>(old)], row);
+  }
+  std::sort(places.begin(), places.end());
+  std::vector<std::uint32_t> order;
+  for (const auto& [place, row] : places) order.push_back(row);
+  SymbolicFactor symbolic = analyse(pattern_, std::move(order));
+  const auto most = kMostFill * static_cast<double>(before.symbolic_->stored_blocks);
+  if (static_cast<double>(symbolic.stored_blocks) > most) return;
+  symbolic_ = std::make_shared<const SymbolicFactor>(std::move(symbolic));
 }
 
 bool Body::has_inverted_element(const VectorXd& x_m) const {

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "physics_node/elastic/element_batches.h"
@@ -50,9 +51,11 @@ class Body {
  public:
   /// @throws std::invalid_argument  mesh not usable (quality_of), no fixed or attached node, a
   ///     node, region or material out of range
-  /// @param alike  of the same elements and fixed nodes, in another shape: its order of
-  ///     elimination is used; null: it is sought
-  explicit Body(BodyDescription description, const Body* alike = nullptr);
+  /// @param before  of much the same elements: its order of elimination is used, as long as that
+  ///     does not fill in much more; null: it is sought
+  /// @param old_nodes  by node: which of that one it is or was split from; empty: the same one
+  explicit Body(BodyDescription description, const Body* before = nullptr,
+                std::span<const std::uint32_t> old_nodes = {});
   Body(const Body&) = delete;  // factors and simulations refer to it
   Body& operator=(const Body&) = delete;
 
@@ -103,6 +106,8 @@ class Body {
                  bool is_projected, BlockValues& values) const;
 
  private:
+  void analyse_as(const Body& before, std::span<const std::uint32_t> old_nodes);
+
   BodyDescription description_;
   BlockPattern pattern_;
   std::shared_ptr<const SymbolicFactor> symbolic_;

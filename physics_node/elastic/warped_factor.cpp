@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <type_traits>
 #include <utility>
 
 namespace palpate::elastic {
@@ -102,6 +103,25 @@ bool WarpedFactor::factor(const VectorXd& x_m, const std::vector<double>& rotati
   return is_ready_;
 }
 
+WarpedFactor WarpedFactor::in(Precision precision) const {
+  WarpedFactor other(*body_, precision);
+  if (!is_ready_) return other;
+  other.is_ready_ = true;
+  other.shift_ = shift_;
+  other.reference_ = reference_;
+  other.turns_ = turns_;
+  const auto copy = [&](auto& to) {
+    const auto& from = std::get<BlockCholesky<double>>(cholesky_);
+    if constexpr (std::is_same_v<std::decay_t<decltype(to)>, BlockCholesky<double>>) {
+      to.set_panels(from.panels());
+    } else {
+      to.set_rounded(*from.panels());
+    }
+  };
+  std::visit(copy, other.cholesky_);
+  return other;
+}
+
 void WarpedFactor::continue_as(const WarpedFactor& other) {
   const bool is_folded = is_folded_;
   *this = other;
@@ -159,27 +179,48 @@ void WarpedFactor::turn_back() {
   }
 }
 
-void WarpedFactor::solve(const double* gradient, double* direction) {
+/// Turned back, of the free nodes.
+void WarpedFactor::pack(const double* gradient, double* packed) const noexcept {
   const auto& nodes = body_->pattern().nodes;
   for (std::size_t j = 0; j < nodes.size(); ++j) {
     const double* g = gradient + 3 * std::size_t{nodes[j]};
     const double* r = turns_.data() + 9 * j;
     for (std::size_t i = 0; i < 3; ++i) {
-      packed_[3 * j + i] = r[i] * g[0] + r[3 + i] * g[1] + r[6 + i] * g[2];
+      packed[3 * j + i] = r[i] * g[0] + r[3 + i] * g[1] + r[6 + i] * g[2];
     }
   }
-  std::visit([&](auto& cholesky) { cholesky.solve(packed_.data(), packed_.data()); }, cholesky_);
+}
+
+void WarpedFactor::unpack(const double* packed, double* direction) const noexcept {
+  const auto& nodes = body_->pattern().nodes;
   for (const std::uint32_t node : body_->description().fixed_nodes) {
     std::fill_n(direction + 3 * std::size_t{node}, 3, 0.0);
   }
   for (std::size_t j = 0; j < nodes.size(); ++j) {
-    const double* d = packed_.data() + 3 * j;
+    const double* d = packed + 3 * j;
     const double* r = turns_.data() + 9 * j;
     double* to = direction + 3 * std::size_t{nodes[j]};
     for (std::size_t i = 0; i < 3; ++i) {
       to[i] = r[3 * i] * d[0] + r[3 * i + 1] * d[1] + r[3 * i + 2] * d[2];
     }
   }
+}
+
+void WarpedFactor::solve(const double* gradient, double* direction) {
+  pack(gradient, packed_.data());
+  std::visit([&](auto& cholesky) { cholesky.solve(packed_.data(), packed_.data()); }, cholesky_);
+  unpack(packed_.data(), direction);
+}
+
+void WarpedFactor::solve_together(std::span<double* const> vectors) {
+  std::vector<std::vector<double>> packed(vectors.size(), std::vector<double>(packed_.size()));
+  std::vector<double*> places;
+  for (std::size_t k = 0; k < vectors.size(); ++k) {
+    pack(vectors[k], packed[k].data());
+    places.push_back(packed[k].data());
+  }
+  std::visit([&](auto& cholesky) { cholesky.solve_together(places); }, cholesky_);
+  for (std::size_t k = 0; k < vectors.size(); ++k) unpack(packed[k].data(), vectors[k]);
 }
 
 void WarpedFactor::columns(std::span<const std::uint32_t> nodes, std::span<const std::uint32_t> at,

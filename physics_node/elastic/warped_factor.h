@@ -63,12 +63,19 @@ class WarpedFactor {
   /// direction = A⁻¹ gradient, 3 per node, 0 at fixed nodes. No allocation.
   void solve(const double* gradient, double* direction);
 
+  /// The same of up to kTogether gradients, each of which becomes its direction. Cheaper than as
+  /// many solutions. Allocates.
+  void solve_together(std::span<double* const> vectors);
+
   /// Where it was factorised: how the nodes `at` give way to unit forces at each of up to
   /// kMostColumns free nodes. values[j] + 9 i: at[i] under forces at nodes[j], 3 × 3, row-major.
   /// Cheaper than as many solutions. Allocates.
   void columns(std::span<const std::uint32_t> nodes, std::span<const std::uint32_t> at,
                std::span<float* const> values);
   static constexpr std::size_t kMostColumns = BlockCholesky<float>::kMostColumns;
+
+  /// Of another precision, which must not be a higher one: as if it had been made so.
+  [[nodiscard]] WarpedFactor in(Precision precision) const;
 
   /// The other's factor and turns; folded or not as before.
   void continue_as(const WarpedFactor& other);
@@ -83,6 +90,9 @@ class WarpedFactor {
   [[nodiscard]] const Body::Shift& shift() const noexcept { return shift_; }
 
  private:
+  void pack(const double* gradient, double* packed) const noexcept;
+  void unpack(const double* packed, double* direction) const noexcept;
+
   const Body* body_;
   Cholesky cholesky_;
   Body::Shift shift_;

@@ -8,11 +8,24 @@
 
 namespace palpate::physics {
 
+namespace {
+
+elastic::Precision precision_of(const ElasticBody& body) {
+  return body.slow_modes.count() > 0 ? elastic::Precision::kDouble : elastic::Precision::kFloat;
+}
+
+}  // namespace
+
+BodyCompliance::BodyCompliance(const RemadeBody& remade)
+    : body_(remade.body),
+      factor_(remade.at_rest ? remade.at_rest->in(precision_of(*body_))
+                             : elastic::WarpedFactor(*body_->body, precision_of(*body_))),
+      compliance_(*body_->body, factor_, body_->surface_nodes) {}
+
 BodyCompliance::BodyCompliance(std::shared_ptr<const ElasticBody> body,
                                const std::filesystem::path& columns_folder)
     : body_(std::move(body)),
-      factor_(*body_->body, body_->slow_modes.count() > 0 ? elastic::Precision::kDouble
-                                                          : elastic::Precision::kFloat),
+      factor_(*body_->body, precision_of(*body_)),
       compliance_(*body_->body, factor_, body_->surface_nodes) {
   if (columns_folder.empty()) return;
   columns_file_ = elastic::compliance_file(columns_folder, compliance_);

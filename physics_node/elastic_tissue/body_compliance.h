@@ -19,6 +19,8 @@ class BodyCompliance {
   ///     each body; empty: nowhere. What cannot be read or written is made anew
   explicit BodyCompliance(std::shared_ptr<const ElasticBody> body,
                           const std::filesystem::path& columns_folder = {});
+  /// @param remade  with its factor, if that is known
+  explicit BodyCompliance(const RemadeBody& remade);
   ~BodyCompliance();
   BodyCompliance(const BodyCompliance&) = delete;
   BodyCompliance& operator=(const BodyCompliance&) = delete;

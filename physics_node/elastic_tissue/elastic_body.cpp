@@ -259,18 +259,23 @@ elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vec
 /// The rest of a body whose constants are known.
 /// @param start_m  where the search for its rest position begins; empty: it is in the mesh
 /// @param name     begins the message of a SetupError
-void complete(elastic::BodyDescription description, const elastic::VectorXd& start_m,
-              const elastic::Body* alike, const std::string& name, ElasticBody& made) {
+/// @param before, old_nodes  @see remade_elastic_body
+/// @return  the factor of the undeformed body, if it was needed
+std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription description,
+                                              const elastic::VectorXd& start_m,
+                                              const std::string& name, ElasticBody& made,
+                                              const ElasticBody* before = nullptr,
+                                              std::span<const std::uint32_t> old_nodes = {}) {
   made.faces = elastic::surface_of(description.mesh);
   made.points = contact_points(description.mesh, made.faces, made.tip_radius_m);
   made.surface_nodes = nodes_of(description.mesh, made.faces);
   add_parts(description.mesh, made);
   try {
-    made.body = std::make_unique<const elastic::Body>(std::move(description), alike);
+    made.body = std::make_unique<const elastic::Body>(
+        std::move(description), before == nullptr ? nullptr : before->body.get(), old_nodes);
   } catch (const std::invalid_argument& error) {
     throw SetupError(name + error.what());
   }
-
   const bool has_start = start_m.size() > 0;
   made.start_m = has_start ? start_m : made.body->rest_m();
   if (made.body->load_newton().size() > 0 || has_start) {
@@ -290,12 +295,14 @@ void complete(elastic::BodyDescription description, const elastic::VectorXd& sta
           made.sag_m, (made.start_m.segment<3>(i) - made.body->rest_m().segment<3>(i)).norm());
     }
   }
+  std::optional<elastic::WarpedFactor> at_rest;
   if (made.body->description().branches.empty()) {  // which the modes do not know
     const double young_pa = made.body->description().materials.front().young_modulus_pa;
-    elastic::WarpedFactor at_rest(*made.body, elastic::Precision::kDouble);
+    at_rest.emplace(*made.body, elastic::Precision::kDouble);
     made.slow_modes =
-        elastic::slow_modes_of(*made.body, at_rest, kShortestPeriods / made.solve_rate_hz,
-                               kLeastGive / (young_pa * made.tip_radius_m), kMostSlowModes);
+        elastic::slow_modes_of(*made.body, *at_rest, kShortestPeriods / made.solve_rate_hz,
+                               kLeastGive / (young_pa * made.tip_radius_m), kMostSlowModes,
+                               before == nullptr ? nullptr : &before->slow_modes, old_nodes);
   }
   TriangleMesh surface;
   std::vector<std::uint32_t> vertex_of(made.body->node_count(), 0);
@@ -303,13 +310,13 @@ void complete(elastic::BodyDescription description, const elastic::VectorXd& sta
     vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
     surface.vertices_m.emplace_back(made.start_m.segment<3>(3 * Eigen::Index{node}));
   }
-  for (const auto& [a, b, c] : triangles_of(made)) {
+  for (const auto& [a, b, c] : triangles_of(made))
     surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
-  }
   const std::string complaint = complaint_about(surface);
   if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
   made.shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
   made.bounds = made.shape.bounds().value_or(Bounds{});
+  return at_rest;
 }
 
 }  // namespace
@@ -394,8 +401,8 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   made->prompt_ratio =
       1.0 / (1.0 + elastic::stiffening_of(description.branches, 1.0 / material.solve_rate_hz));
   if (unloaded) made->scan_error_m = unloaded->away_m;
-  complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), nullptr,
-           name, *made);
+  complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), name,
+           *made);
   if (elastic::Tearing tearing(*made->body); tearing.note(made->start_m.data())) {
     throw SetupError(name +
                      "elastic.attached tears under the weight of the body; give more "
@@ -404,10 +411,9 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   return made;
 }
 
-std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
-                                                       elastic::BodyDescription description,
-                                                       const elastic::VectorXd& start_m,
-                                                       const elastic::Body* alike) {
+RemadeBody remade_elastic_body(const ElasticBody& like, elastic::BodyDescription description,
+                               const elastic::VectorXd& start_m, const ElasticBody* before,
+                               std::span<const std::uint32_t> old_nodes) {
   auto made = std::make_shared<ElasticBody>(ElasticBody{
       .tissue = like.tissue, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});
   made->part_count = like.part_count;
@@ -420,8 +426,8 @@ std::shared_ptr<const ElasticBody> remade_elastic_body(const ElasticBody& like,
   made->solve_rate_hz = like.solve_rate_hz;
   made->viscosity_s = like.viscosity_s;
   made->prompt_ratio = like.prompt_ratio;
-  complete(std::move(description), start_m, alike, "", *made);
-  return made;
+  auto at_rest = complete(std::move(description), start_m, "", *made, before, old_nodes);
+  return {.body = std::move(made), .at_rest = std::move(at_rest)};
 }
 
 std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneConfig& scene) {

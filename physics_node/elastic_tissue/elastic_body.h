@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -97,12 +98,21 @@ struct ElasticBody {
 
 /// A body like this one, of another description: fewer elements, other materials. Takes up to
 /// seconds.
+struct RemadeBody {
+  std::shared_ptr<const ElasticBody> body;
+  std::optional<elastic::WarpedFactor> at_rest;  ///< of the undeformed one, if it was needed
+};
+
+/// A body like this one, of another description: fewer elements, other materials. Takes up to
+/// seconds.
 /// @param start_m  where the search for its rest position begins
-/// @param alike    of the same elements, or null @see elastic::Body
+/// @param before, old_nodes  of which it is made, for speed @see elastic::Body
 /// @throws SetupError  it cannot be used @see make_elastic_body
-[[nodiscard]] std::shared_ptr<const ElasticBody> remade_elastic_body(
-    const ElasticBody& like, elastic::BodyDescription description, const elastic::VectorXd& start_m,
-    const elastic::Body* alike);
+[[nodiscard]] RemadeBody remade_elastic_body(const ElasticBody& like,
+                                             elastic::BodyDescription description,
+                                             const elastic::VectorXd& start_m,
+                                             const ElasticBody* before = nullptr,
+                                             std::span<const std::uint32_t> old_nodes = {});
 
 /// The elastic bodies of a scene; empty: it has none. @throws SetupError  @see make_elastic_body
 [[nodiscard]] std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(

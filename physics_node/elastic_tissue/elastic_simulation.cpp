@@ -153,9 +153,8 @@ std::size_t ElasticSimulation::hold_beside(std::size_t tool, const Vector3& at_m
                                            const Vector3& origin_m) {
   elastic::HeldPoints& held = tips_.held[tool];
   held.set_place(at_m);
-  held.take_beside(body_.points, body_.start_m.data(), edge_m, reach_m, most, newton_per_m,
-                   origin_m);
-  return held.size();
+  return held.take_beside(body_.points, body_.start_m.data(), edge_m, reach_m, most, newton_per_m,
+                          origin_m);
 }
 
 double ElasticSimulation::stored_joule() const noexcept {

@@ -71,13 +71,17 @@ class ElasticSimulation {
   /// @param is_as_at_rest  as they lie to each other in the untouched body
   std::size_t hold(std::size_t tool, const Vector3& at_m, double reach_m, std::size_t most,
                    double newton_per_m, bool is_as_at_rest = false);
-  /// The same of the points beside an edge in the untouched body. Where none is, what it held.
+  /// The same of the points beside an edge in the untouched body.
   /// @see elastic::HeldPoints::take_beside
   std::size_t hold_beside(std::size_t tool, const Vector3& at_m,
                           const std::array<Vector3, 2>& edge_m, double reach_m, std::size_t most,
                           double newton_per_m, const Vector3& origin_m);
   /// What it holds lies so much farther from the tool.
   void shift(std::size_t tool, const Vector3& by_m) { tips_.held[tool].shift(by_m); }
+  /// @see elastic::HeldPoints::origin_m
+  [[nodiscard]] Vector3 origin_m(std::size_t tool) const noexcept {
+    return tips_.held[tool].origin_m(body_.start_m.data());
+  }
   /// The mean way of the points that a tool holds, from the untouched body.
   [[nodiscard]] Vector3 moved_m(std::size_t tool) const noexcept {
     return tips_.held[tool].moved_m(dynamics_.x_m().data(), body_.start_m.data());

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "physics_node/elastic_tissue/jaw.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -101,9 +103,10 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
               .along = command.edge(),
               .length_m = gripper.blade_length_m};
     const Vector3 way_m = tip->tip_m - tip->place_m;
-    origin_m_ = tip->place_m + way_m - way_m.dot(facing) * facing;
     deepest_m_ = command.deepest_m;
-    hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m);
+    model_.points = static_cast<std::uint32_t>(
+        hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m,
+                    tip->place_m + way_m - way_m.dot(facing) * facing));
   } else {
     hold_around(simulation, tool, gripper, command, *tip);
   }
@@ -113,12 +116,41 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
 }
 
 /// The points beside the edge of a blade that has slipped so far.
-void Jaw::hold_beside(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
-                      const Vector3& at_m, const Vector3& slip_m) {
+std::size_t Jaw::hold_beside(ElasticSimulation& simulation, std::size_t tool,
+                             const GripperConfig& gripper, const Vector3& at_m,
+                             const Vector3& slip_m, const Vector3& origin_m) const {
   const Vector3 from_m = blade_.from_m + slip_m;
-  model_.points = static_cast<std::uint32_t>(simulation.hold_beside(
-      tool, at_m, {from_m, from_m + blade_.length_m * blade_.along}, gripper.reach_m,
-      gripper.most_points, gripper.stiffness_newton_per_m, origin_m_));
+  return simulation.hold_beside(tool, at_m, {from_m, from_m + blade_.length_m * blade_.along},
+                                gripper.reach_m, gripper.most_points,
+                                gripper.stiffness_newton_per_m, origin_m);
+}
+
+/// What it held comes to rest, and what is beside the edge now is pushed with the same energy: an
+/// edge that goes on takes its strain with it. Across its direction the blade is as far in the
+/// tissue as it was.
+void Jaw::move_beside(ElasticSimulation& simulation, std::size_t tool,
+                      elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
+                      const Vector3& slip_m) {
+  const Vector3 at_m = simulation.held()[tool].place_m();
+  const Vector3 way_m = at_m - simulation.origin_m(tool);
+  if (hold_beside(simulation, tool, gripper, at_m, slip_m, at_m) == 0) return;
+  const Matrix3 K = elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool)[tool];
+  const Vector3& newton = last_.force_on_tool_newton;
+  const double twice_joule = stiffness_with_.empty()
+                                 ? way_m.dot(K * way_m)
+                                 : newton.dot(stiffness_with_[tool].llt().solve(newton));
+  // wᵀ K w is that, with w = q + t f and q the way in the plane at right angles to f
+  const Vector3& f = blade_.facing;
+  const Vector3 q = way_m - way_m.dot(f) * f;
+  const double stiff = f.dot(K * f);
+  const double softest = -f.dot(K * q) / stiff;
+  const Vector3 least_m = q + softest * f;
+  const double least_joule = least_m.dot(K * least_m);
+  const double more_m = std::sqrt(std::max(0.0, twice_joule - least_joule) / stiff);
+  const Vector3 now_m = least_m - std::copysign(more_m, newton.dot(f)) * f;
+  if (!now_m.allFinite()) return;
+  simulation.shift(
+      tool, (least_joule > twice_joule ? std::sqrt(twice_joule / least_joule) : 1.0) * now_m);
 }
 
 /// The points around the tip.
@@ -137,11 +169,16 @@ void Jaw::hold_around(ElasticSimulation& simulation, std::size_t tool, const Gri
   }
 }
 
-void Jaw::change_body(ElasticSimulation& simulation, std::size_t tool, const GripperConfig* gripper,
+void Jaw::change_body(ElasticSimulation& simulation, std::size_t tool,
+                      elastic::SurfaceCompliance& compliance, const GripperConfig* gripper,
                       const Vector3& slip_m) {
   if (!model_.is_holding()) return;
   if (gripper != nullptr && gripper->is_blade()) {
-    hold_beside(simulation, tool, *gripper, simulation.held()[tool].place_m(), slip_m);
+    try {
+      move_beside(simulation, tool, compliance, *gripper, slip_m);
+    } catch (const std::runtime_error&) {  // without a compliance nothing can be held
+      return let_go(simulation, tool);
+    }
   }
   model_.points = static_cast<std::uint32_t>(simulation.held()[tool].size());
   ++changes_;

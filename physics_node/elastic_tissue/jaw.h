@@ -118,9 +118,12 @@ class Jaw {
   void prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
                const JawCommand& command, const std::optional<TipState>& tip);
   /// The body has been replaced by what is left of it: whatever the jaws still hold is held. A
-  /// blade takes the points that are beside its edge now.
+  /// blade takes the points that are beside its edge now, and pushes them as it has pushed those
+  /// before.
+  /// @param compliance  of the new body
   /// @param gripper  null: it holds nothing any more   @param slip_m  since the closing
-  void change_body(ElasticSimulation& simulation, std::size_t tool, const GripperConfig* gripper,
+  void change_body(ElasticSimulation& simulation, std::size_t tool,
+                   elastic::SurfaceCompliance& compliance, const GripperConfig* gripper,
                    const Vector3& slip_m);
   /// Of a blade that is in: where it went in, and how far it goes in a cut of before.
   [[nodiscard]] const BladePlace& blade() const noexcept { return blade_; }
@@ -163,8 +166,12 @@ class Jaw {
     }
   };
   void let_go(ElasticSimulation& simulation, std::size_t tool);
-  void hold_beside(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
-                   const Vector3& at_m, const Vector3& slip_m);
+  [[nodiscard]] std::size_t hold_beside(ElasticSimulation& simulation, std::size_t tool,
+                                        const GripperConfig& gripper, const Vector3& at_m,
+                                        const Vector3& slip_m, const Vector3& origin_m) const;
+  void move_beside(ElasticSimulation& simulation, std::size_t tool,
+                   elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
+                   const Vector3& slip_m);
   void hold_around(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
                    const JawCommand& command, const TipState& tip);
   [[nodiscard]] Measured measure(const ElasticSimulation& simulation, const Seen& now,
@@ -173,7 +180,6 @@ class Jaw {
 
   GripModel model_;
   BladePlace blade_;
-  Vector3 origin_m_ = Vector3::Zero();  // of a blade, where what it holds has no force
   double deepest_m_ = 0.0;
   std::vector<Matrix3> stiffness_with_;  // of each tool of the body, at rest
   std::optional<Measured> measured_;

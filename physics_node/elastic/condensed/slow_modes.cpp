@@ -15,9 +15,13 @@ namespace palpate::elastic {
 namespace {
 
 // Vectors of the Krylov space that are found together: so many equal frequencies are told apart.
-constexpr Eigen::Index kBlock = 4;
+constexpr Eigen::Index kBlock = kTogether;
 // A vector that has so little that is new is left out, relative.
 constexpr double kNothingNew = 1e-9;
+// From the slowest of a body that is much the same, so many times K⁻¹M.
+constexpr Eigen::Index kTimesAgain = 2;
+// Besides them, for what is new.
+constexpr Eigen::Index kAny = 2;
 
 using Eigen::MatrixXd;
 
@@ -30,62 +34,125 @@ MatrixXd weighted(const Body& body, const MatrixXd& x) {
   return product;
 }
 
+/// 3 rows per node, those of these nodes.
+MatrixXd rows_at(const MatrixXd& all, std::span<const std::uint32_t> nodes) {
+  MatrixXd rows(3 * static_cast<Eigen::Index>(nodes.size()), all.cols());
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    rows.middleRows<3>(3 * static_cast<Eigen::Index>(i)) =
+        all.middleRows<3>(3 * Eigen::Index{nodes[i]});
+  }
+  return rows;
+}
+
+/// V, orthonormal with M, and K⁻¹ M V.
+class KrylovSpace {
+ public:
+  KrylovSpace(const Body& body, WarpedFactor& factor, Eigen::Index most)
+      : body_(body),
+        factor_(factor),
+        basis_(body.rest_m().size(), most),
+        heavy_(body.rest_m().size(), most),
+        given_(body.rest_m().size(), most) {}
+
+  /// With these vectors and any others.
+  void begin(const MatrixXd& start) {
+    for (Eigen::Index k = 0; k < start.cols(); ++k) add(start.col(k));
+    while (found_ < std::min(kBlock, basis_.cols()) && add(any())) {
+    }
+  }
+  /// False: there is nothing more.
+  bool grow() {
+    const Eigen::Index end = found_;
+    std::vector<double*> columns;
+    for (Eigen::Index k = solved_; k < end; ++k) {
+      given_.col(k) = heavy_.col(k);
+      columns.push_back(given_.col(k).data());
+    }
+    if (columns.empty()) return false;
+    factor_.solve_together(columns);
+    for (Eigen::Index k = solved_; k < end && found_ < basis_.cols(); ++k) add(given_.col(k));
+    solved_ = end;
+    return true;
+  }
+
+  struct Ritz {
+    Eigen::VectorXd gives;  // 1/ω², ascending
+    MatrixXd shapes;        // K⁻¹ M V times this has stiffness 1
+  };
+  /// Among K⁻¹ M V, whose stiffness is that with M V.
+  [[nodiscard]] Ritz ritz() const {
+    MatrixXd stiffness = given().transpose() * heavy_.leftCols(solved_);
+    stiffness = (0.5 * (stiffness + stiffness.transpose())).eval();
+    const MatrixXd mass = given().transpose() * weighted(body_, given());
+    const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> solver(mass, stiffness);
+    if (solver.info() != Eigen::Success) return {};
+    return {.gives = solver.eigenvalues(), .shapes = solver.eigenvectors()};
+  }
+  [[nodiscard]] Eigen::Ref<const MatrixXd> given() const { return given_.leftCols(solved_); }
+
+ private:
+  [[nodiscard]] VectorXd any() {
+    VectorXd vector(basis_.rows());
+    for (Eigen::Index i = 0; i < vector.size(); ++i) vector[i] = number_(random_);
+    for (const std::uint32_t node : body_.description().fixed_nodes) {
+      vector.segment<3>(3 * Eigen::Index{node}).setZero();
+    }
+    return vector;
+  }
+
+  /// What is new of it; false: nothing.
+  bool add(VectorXd next) {
+    const double size_before = std::sqrt(next.dot(weighted(body_, next).col(0)));
+    for (int twice = 0; twice < 2; ++twice) {
+      next -= basis_.leftCols(found_) * (heavy_.leftCols(found_).transpose() * next);
+    }
+    const double size_after = std::sqrt(next.dot(weighted(body_, next).col(0)));
+    if (!(size_after > kNothingNew * size_before)) return false;
+    basis_.col(found_) = next / size_after;
+    heavy_.col(found_) = weighted(body_, basis_.col(found_));
+    ++found_;
+    return true;
+  }
+
+  const Body& body_;
+  WarpedFactor& factor_;
+  MatrixXd basis_;
+  MatrixXd heavy_;  // M V
+  MatrixXd given_;  // K⁻¹ M V
+  Eigen::Index found_ = 0;
+  Eigen::Index solved_ = 0;  // of these
+  std::mt19937_64 random_{1};
+  std::uniform_real_distribution<double> number_{-1.0, 1.0};
+};
+
 }  // namespace
 
 SlowModes slow_modes_of(const Body& body, WarpedFactor& factor, double shortest_s,
-                        double least_give_m_per_newton, Eigen::Index most) {
+                        double least_give_m_per_newton, Eigen::Index most, const SlowModes* before,
+                        std::span<const std::uint32_t> old_nodes) {
   SlowModes modes;
   if (most <= 0 || !factor.factor(body.rest_m(), no_rotations(body.node_count()), {}, nullptr)) {
     return modes;
   }
   const Eigen::Index size = body.rest_m().size();
   const Eigen::Index free = 3 * static_cast<Eigen::Index>(body.pattern().size());
-  const Eigen::Index wanted = std::min(3 * most + 2 * kBlock, free);
-  // basis V, orthonormal with M, and K⁻¹ M V
-  MatrixXd basis(size, wanted);
-  MatrixXd heavy(size, wanted);
-  MatrixXd given(size, wanted);
-  std::mt19937_64 random(1);
-  std::uniform_real_distribution<double> number(-1.0, 1.0);
-  Eigen::Index found = 0;
-  for (Eigen::Index from = -kBlock; found < wanted && from < found; ++from) {
-    VectorXd next(size);
-    if (from < 0) {
-      for (Eigen::Index i = 0; i < size; ++i) next[i] = number(random);
-      for (const std::uint32_t node : body.description().fixed_nodes) {
-        next.segment<3>(3 * Eigen::Index{node}).setZero();
-      }
-    } else {
-      next = given.col(from);
-    }
-    const double size_before = std::sqrt(next.dot(weighted(body, next).col(0)));
-    for (int twice = 0; twice < 2; ++twice) {
-      next -= basis.leftCols(found) * (heavy.leftCols(found).transpose() * next);
-    }
-    const double size_after = std::sqrt(next.dot(weighted(body, next).col(0)));
-    if (!(size_after > kNothingNew * size_before)) continue;
-    basis.col(found) = next / size_after;
-    heavy.col(found) = weighted(body, basis.col(found));
-    factor.solve(heavy.col(found).data(), given.col(found).data());
-    ++found;
+  MatrixXd start;
+  if (before != nullptr) start = rows_at(before->slowest, old_nodes);
+  const Eigen::Index wanted = start.cols() > 0 ? kTimesAgain * kBlock : 3 * most + 2 * kBlock;
+  KrylovSpace space(body, factor, std::min(wanted, free));
+  space.begin(start);
+  while (space.grow()) {
   }
-  if (found == 0) return modes;
-  // Ritz vectors among K⁻¹ M V: its stiffness is that with M V
-  const auto space = given.leftCols(found);
-  MatrixXd stiffness = space.transpose() * heavy.leftCols(found);
-  stiffness = (0.5 * (stiffness + stiffness.transpose())).eval();
-  const MatrixXd mass = space.transpose() * weighted(body, space);
-  // 1/ω² descending, by M s = (1/ω²) K s
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> solver(mass, stiffness);
-  if (solver.info() != Eigen::Success) return modes;
+  const KrylovSpace::Ritz ritz = space.ritz();
+  const Eigen::Index found = ritz.gives.size();
+  modes.slowest = space.given() * ritz.shapes.rightCols(std::min(found, kBlock - kAny));
   const double slowest_rate = 2.0 * std::numbers::pi / shortest_s;
   modes.shapes.resize(size, most);
   std::vector<double> gives;
   for (Eigen::Index k = found; k-- > 0 && static_cast<Eigen::Index>(gives.size()) < most;) {
-    const double give = solver.eigenvalues()[k];
+    const double give = ritz.gives[k];
     if (!(give * slowest_rate * slowest_rate > 1.0)) break;
-    // the solver's vectors have stiffness 1
-    const VectorXd shape = space * solver.eigenvectors().col(k) / std::sqrt(give);
+    const VectorXd shape = space.given() * ritz.shapes.col(k) / std::sqrt(give);
     double most_moved = 0.0;
     for (Eigen::Index i = 0; i < size; i += 3) {
       most_moved = std::max(most_moved, shape.segment<3>(i).squaredNorm());

@@ -5,6 +5,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "physics_node/elastic/sphere_contact.h"
@@ -18,18 +20,22 @@ struct SlowModes {
   Eigen::MatrixXd weighted;       ///< M φ
   Eigen::VectorXd rates_per_s2;   ///< ω², ascending
   Eigen::VectorXd damping_per_s;  ///< of q̇
+  Eigen::MatrixXd slowest;        ///< about the slowest, whether they count or not
   [[nodiscard]] Eigen::Index count() const noexcept { return rates_per_s2.size(); }
 };
 
 /// The slowest, at most so many, with a period of at least `shortest_s`, that let a node give way
 /// by at least `least_give_m_per_newton` under a force on it: the best in a Krylov space of K⁻¹M.
-/// They need not have converged: Σ φφᵀ/ω² is never more than K⁻¹. Allocates; about three solutions
-/// per mode.
+/// They need not have converged: Σ φφᵀ/ω² is never more than K⁻¹. Allocates; about five solutions
+/// per mode, kTogether at a time; fewer with a start.
+/// @param before, old_nodes  of a body that is much the same, and by node: which of that one it is
 /// @param factor  in double precision: a slow mode gives way so much more than a single point does
 ///     that rounding would leave nothing of that. It is made anew, of the undeformed body
 /// @return  none if the stiffness cannot be factorised
 [[nodiscard]] SlowModes slow_modes_of(const Body& body, WarpedFactor& factor, double shortest_s,
-                                      double least_give_m_per_newton, Eigen::Index most);
+                                      double least_give_m_per_newton, Eigen::Index most,
+                                      const SlowModes* before = nullptr,
+                                      std::span<const std::uint32_t> old_nodes = {});
 
 /// The motion of these modes from a full solution on, under forces at some points of the surface:
 /// q̈ + d q̇ + ω² q = φᵀ f + g, with g what the solution leaves.

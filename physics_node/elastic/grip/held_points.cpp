@@ -13,15 +13,16 @@ constexpr double kMostChange = 3.0;
 
 }  // namespace
 
-void HeldPoints::take_beside(const std::vector<SurfacePoint>& points, const double* rest_m,
-                             const std::array<Vector3d, 2>& edge_m, double reach_m,
-                             std::size_t most, double newton_per_m, const Vector3d& origin_m) {
+std::size_t HeldPoints::take_beside(const std::vector<SurfacePoint>& points, const double* rest_m,
+                                    const std::array<Vector3d, 2>& edge_m, double reach_m,
+                                    std::size_t most, double newton_per_m,
+                                    const Vector3d& origin_m) {
   std::vector<std::pair<double, std::size_t>> near;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double distance_m = distance_to_edge_m(points[i].position_m(rest_m), edge_m);
     if (distance_m <= reach_m) near.emplace_back(distance_m, i);
   }
-  if (near.empty()) return;
+  if (near.empty()) return 0;
   std::sort(near.begin(), near.end());
   near.resize(std::min(near.size(), most));
   held_.clear();
@@ -30,6 +31,7 @@ void HeldPoints::take_beside(const std::vector<SurfacePoint>& points, const doub
         {.point = points[i], .index = i, .away_m = points[i].position_m(rest_m) - origin_m});
   }
   newton_per_m_ = newton_per_m / static_cast<double>(held_.size());
+  return held_.size();
 }
 
 void HeldPoints::take(const std::vector<SurfacePoint>& points, const double* x_m,

@@ -25,13 +25,18 @@ class HeldPoints {
             double reach_m, std::size_t most, double newton_per_m, const double* rest_m = nullptr);
   /// Takes the nearest of the points to a straight edge in the body at rest. They are held as they
   /// lie there: with no force if the tool, less its slip, is at `origin_m`.
-  /// @param rest_m  of the body
-  void take_beside(const std::vector<SurfacePoint>& points, const double* rest_m,
-                   const std::array<Vector3d, 2>& edge_m, double reach_m, std::size_t most,
-                   double newton_per_m, const Vector3d& origin_m);
+  /// @param rest_m  of the body   @return  how many there are; 0: it holds what it held
+  std::size_t take_beside(const std::vector<SurfacePoint>& points, const double* rest_m,
+                          const std::array<Vector3d, 2>& edge_m, double reach_m, std::size_t most,
+                          double newton_per_m, const Vector3d& origin_m);
   /// They lie so much farther from the tool.
   void shift(const Vector3d& by_m) noexcept {
     for (Held& one : held_) one.away_m += by_m;
+  }
+  /// Where the tool, less its slip, has no force on one of them that stands still at rest. @pre  it
+  /// holds
+  [[nodiscard]] Vector3d origin_m(const double* rest_m) const noexcept {
+    return held_.front().point.position_m(rest_m) - held_.front().away_m;
   }
   /// Their mean way from there.
   [[nodiscard]] Vector3d moved_m(const double* x_m, const double* rest_m) const noexcept;

@@ -13,6 +13,8 @@ int rows_of(const Supernode& node) {
   return 3 * static_cast<int>(node.columns + node.rows_below.size());
 }
 
+constexpr std::size_t kBlock = std::size_t{3} * kTogether;  // of a row, of all together
+
 // A child's Schur complement: the lower half of a square over 3 per row of its supernode.
 struct Update {
   std::size_t supernode = 0;
@@ -176,10 +178,32 @@ void BlockCholesky<Scalar>::solve(const double* b, double* x) {
 }
 
 template <class Scalar>
-void BlockCholesky<Scalar>::solve_columns(std::span<const std::uint32_t> rows) {
-  constexpr std::size_t kBlock = std::size_t{3} * kTogether;
+void BlockCholesky<Scalar>::solve_together(std::span<double* const> b) {
   together_.assign(kBlock * pattern_->size(), Scalar{0});
-  work_together_.resize(work_.size() / 2 * kTogether);
+  for (std::size_t k = 0; k < pattern_->size(); ++k) {
+    const std::size_t from = 3 * std::size_t{symbolic_->order[k]};
+    for (std::size_t i = 0; i < 3; ++i) {
+      Scalar* to = together_.data() + kBlock * k + kTogether * i;
+      for (std::size_t which = 0; which < b.size(); ++which) {
+        to[which] = static_cast<Scalar>(b[which][from + i]);
+      }
+    }
+  }
+  solve_reached(std::vector<char>(symbolic_->supernodes.size(), 1));
+  for (std::size_t k = 0; k < pattern_->size(); ++k) {
+    const std::size_t to = 3 * std::size_t{symbolic_->order[k]};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Scalar* from = together_.data() + kBlock * k + kTogether * i;
+      for (std::size_t which = 0; which < b.size(); ++which) {
+        b[which][to + i] = static_cast<double>(from[which]);
+      }
+    }
+  }
+}
+
+template <class Scalar>
+void BlockCholesky<Scalar>::solve_columns(std::span<const std::uint32_t> rows) {
+  together_.assign(kBlock * pattern_->size(), Scalar{0});
   const std::size_t count = symbolic_->supernodes.size();
   std::vector<char> is_reached(count, 0);
   for (std::size_t which = 0; which < rows.size(); ++which) {
@@ -192,6 +216,14 @@ void BlockCholesky<Scalar>::solve_columns(std::span<const std::uint32_t> rows) {
         [](std::size_t place, const Supernode& node) { return place < node.first; });
     is_reached[static_cast<std::size_t>(after - symbolic_->supernodes.begin()) - 1] = 1;
   }
+  solve_reached(std::move(is_reached));
+}
+
+/// What is in together_, which is zero but in these supernodes.
+template <class Scalar>
+void BlockCholesky<Scalar>::solve_reached(std::vector<char> is_reached) {
+  work_together_.resize(work_.size() / 2 * kTogether);
+  const std::size_t count = symbolic_->supernodes.size();
   for (std::size_t s = 0; s < count; ++s) {
     if (is_reached[s] == 0) continue;
     const Supernode& node = symbolic_->supernodes[s];

@@ -33,6 +33,10 @@ class BlockCholesky {
   using Panels = std::vector<Scalar>;
   [[nodiscard]] const std::shared_ptr<const Panels>& panels() const noexcept { return panels_; }
   void set_panels(std::shared_ptr<const Panels> panels) noexcept { panels_ = std::move(panels); }
+  /// As one that factor() has made in double precision of the same values.
+  void set_rounded(const std::vector<double>& panels) {
+    panels_ = std::make_shared<const Panels>(panels.begin(), panels.end());
+  }
   /// Frees the room for solutions, which unfold() makes again; and what no copy shares of the
   /// factor, if that may go.
   void fold(bool may_go);
@@ -40,6 +44,10 @@ class BlockCholesky {
 
   /// x = A⁻¹ b, both 3 per row of the pattern. b and x may be the same. No allocation.
   void solve(const double* b, double* x);
+
+  /// The same for up to kTogether right-hand sides, which may be the solutions: a panel is read
+  /// once for all. Allocates.
+  void solve_together(std::span<double* const> b);
 
   /// Columns of A⁻¹ for up to kMostColumns rows of the pattern, read by column_entry() until the
   /// next call. Costs less than as many solutions: a panel is read once for all, and on the way up
@@ -57,6 +65,7 @@ class BlockCholesky {
   [[nodiscard]] const Scalar* panel(std::size_t s) const {
     return panels_->data() + panel_starts_[s];
   }
+  void solve_reached(std::vector<char> is_reached);
 
   const BlockPattern* pattern_;
   std::shared_ptr<const SymbolicFactor> symbolic_;

@@ -67,13 +67,14 @@ std::vector<std::uint32_t> held_nodes_of(const elastic::BodyDescription& body,
   return held;
 }
 
-/// Takes elements out of `elements` until each is held by the rest. @return how many
+/// Takes elements out of `elements` until each is held by the rest, `left`. @return how many
 std::size_t drop_loose(const elastic::BodyDescription& whole, const elastic::FaceCuts& cuts,
-                       std::vector<std::uint32_t>& elements, std::span<const double> attached) {
+                       std::vector<std::uint32_t>& elements, std::span<const double> attached,
+                       elastic::SeparatedMesh& left) {
   const std::vector<std::uint32_t> held = held_nodes_of(whole, attached);
   std::size_t dropped = 0;
   while (!elements.empty()) {
-    const elastic::SeparatedMesh left = elastic::separated_mesh(whole.mesh, elements, cuts);
+    left = elastic::separated_mesh(whole.mesh, elements, cuts);
     std::vector<std::uint32_t> loose = elastic::hinged_elements(left.mesh);
     if (loose.empty()) {
       loose =
@@ -243,17 +244,17 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
       held_before.begin(), held_before.end(),
       [&](const elastic::Attachment& one) { return one.tears() && !(attached[one.index] > 0.0); });
   const elastic::FaceCuts cuts = elastic::clean_cuts(all.mesh, after->elements, cut);
+  elastic::SeparatedMesh left;
   if (has_torn || !cuts.is_cut.empty() || after->elements.size() < before.elements.size()) {
-    after->loose = drop_loose(all, cuts, after->elements, attached);
+    after->loose = drop_loose(all, cuts, after->elements, attached, left);
+  } else {
+    left = elastic::separated_mesh(all.mesh, after->elements, cuts);
   }
   if (after->elements.empty()) throw SetupError("nothing is left of it that is held");
 
-  elastic::SeparatedMesh left = elastic::separated_mesh(all.mesh, after->elements, cuts);
   after->cut = elastic::cut_area(all.mesh, after->elements, cuts, left.mesh);
   after->nodes = left.nodes;
   after->change.old_nodes = old_nodes_of(before, *after, left.mesh, all.mesh.element_count());
-  const bool is_alike = after->elements == before.elements && after->nodes == before.nodes &&
-                        left.mesh.elements == before.body()->body->mesh().elements;
   elastic::VectorXd start_m;
   if (whole.body->load_newton().size() > 0) {
     start_m = values_at(before.body()->start_m, after->change.old_nodes);
@@ -261,7 +262,7 @@ std::shared_ptr<const AblatedBody> ablated_body(const ElasticBody& whole, const 
   after->shared = std::make_shared<BodyCompliance>(remade_elastic_body(
       whole,
       description_of(whole, std::move(left), after->elements, stages, softest_ratio, attached),
-      start_m, is_alike ? before.body()->body.get() : nullptr));
+      start_m, before.body().get(), after->change.old_nodes));
   after->change.old_points = old_points_of(before, *after, all.mesh.element_count());
 
   // the first steps of a tool that is there shall not wait for them

@@ -49,8 +49,8 @@ void ElasticTissue::change_body(double step_s) {
     if (makers_[i])
       makers_[i].emplace(*next->body(), next->shared->compliance(), PatchMaker(*makers_[i]));
     if (gripper_) {
-      tool.held.change_body(*simulation_, i, is_whole ? nullptr : &*gripper_,
-                            tool.jaw_command.load().slip_m());
+      tool.held.change_body(*simulation_, i, next->shared->compliance(),
+                            is_whole ? nullptr : &*gripper_, tool.jaw_command.load().slip_m());
     }
     tool.body.draft() = next->body();
   }

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <limits>
 
 namespace palpate::physics {
 namespace {
@@ -14,6 +16,7 @@ constexpr double kAhead_m = 2e-4;
 // The edge may lie in faces of the mesh, which belong to two elements: it is looked for beside
 // them.
 const Vector3 kBeside_m(0.61e-7, 0.37e-7, 0.43e-7);
+constexpr double kNearPlane_m = 1e-6;  // and in those elements that come so near to its plane
 // A surface that is not at a right angle to the blade is met by parts of the edge before its tip
 // is.
 constexpr double kBehind_m = 2e-3;
@@ -24,7 +27,7 @@ Vector3 node_m(const ElasticBody& body, std::uint32_t node) {
 
 }  // namespace
 
-EdgeInTissue edge_in_tissue(const ElasticBody& whole, const AblatedBody& present,
+EdgeInTissue edge_in_tissue(const ElasticBody& whole, std::span<const std::uint32_t> elements,
                             const ElasticMaterial::Pierced& tissue, const Vector3& from_m,
                             const Vector3& to_m) {
   const elastic::Mesh& mesh = whole.body->mesh();
@@ -33,7 +36,7 @@ EdgeInTissue edge_in_tissue(const ElasticBody& whole, const AblatedBody& present
   const Vector3 low = from.cwiseMin(Vector3(from + way));
   const Vector3 high = from.cwiseMax(Vector3(from + way));
   EdgeInTissue sum;
-  for (const std::uint32_t e : present.elements) {
+  for (const std::uint32_t e : elements) {
     const auto nodes = mesh.element(e).first(4);
     const std::array<Vector3, 4> at_m{node_m(whole, nodes[0]), node_m(whole, nodes[1]),
                                       node_m(whole, nodes[2]), node_m(whole, nodes[3])};
@@ -72,6 +75,7 @@ void BladeSweep::begin(std::uint32_t number, const BladePlace& place, const Elas
   number_ = number;
   place_ = place;
   faces_.clear();
+  elements_.clear();
   next_ = 0;
   slip_m_.setZero();
   deepest_m_ = deepest_m;
@@ -79,11 +83,19 @@ void BladeSweep::begin(std::uint32_t number, const BladePlace& place, const Elas
   const Vector3 normal = place.normal();
   std::vector<char> is_left(mesh.element_count(), 0);
   for (std::size_t e = 0; e < is_left.size(); ++e) {
-    Vector3 centroid_m = Vector3::Zero();
+    double centroid_m = 0.0;  // from the plane
+    double least_m = std::numeric_limits<double>::infinity();
+    double most_m = -least_m;
     for (const std::uint32_t node : mesh.element(e).first(4)) {
-      centroid_m += 0.25 * node_m(whole, node);
+      const double away_m = normal.dot(node_m(whole, node) - place.from_m);
+      centroid_m += 0.25 * away_m;
+      least_m = std::min(least_m, away_m);
+      most_m = std::max(most_m, away_m);
     }
-    is_left[e] = normal.dot(centroid_m - place.from_m) > 0.0 ? 1 : 0;
+    is_left[e] = centroid_m > 0.0 ? 1 : 0;
+    if (least_m <= kNearPlane_m && most_m >= -kNearPlane_m) {
+      elements_.push_back(static_cast<std::uint32_t>(e));
+    }
   }
   for (elastic::FaceSide side = 0; side < opposite.size(); ++side) {
     const std::int32_t other = opposite[side];
@@ -107,10 +119,12 @@ void BladeSweep::begin(std::uint32_t number, const BladePlace& place, const Elas
   });
 }
 
-BladeSweep::Step BladeSweep::advance(const Vector3& slip_m, const ElasticBody& whole,
+BladeSweep::Step BladeSweep::advance(const Vector3& slip_of_blade_m, const ElasticBody& whole,
                                      const AblatedBody& present,
                                      const ElasticMaterial::Pierced& tissue) {
   Step step;
+  const Vector3 normal = place_.normal();
+  const Vector3 slip_m = slip_of_blade_m - slip_of_blade_m.dot(normal) * normal;
   const double depth_m = slip_m.dot(place_.facing);
   const double before_m = slip_m_.dot(place_.facing);
   const double along_before_m = slip_m_.dot(place_.along);
@@ -129,8 +143,11 @@ BladeSweep::Step BladeSweep::advance(const Vector3& slip_m, const ElasticBody& w
   }
   slip_m_ = slip_m;
   const Vector3 ahead_m = from_m() + kAhead_m * place_.facing;
+  std::vector<std::uint32_t> there;
+  std::set_intersection(elements_.begin(), elements_.end(), present.elements.begin(),
+                        present.elements.end(), std::back_inserter(there));
   step.ahead =
-      edge_in_tissue(whole, present, tissue, ahead_m, ahead_m + place_.length_m * place_.along);
+      edge_in_tissue(whole, there, tissue, ahead_m, ahead_m + place_.length_m * place_.along);
   const double further_m = std::max(0.0, depth_m - deepest_m_);
   step.sweep.swept_m2 = further_m * step.ahead.length_m;
   step.sweep.joule = further_m * step.ahead.newton;

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "common/core/vector.h"
@@ -17,10 +18,10 @@
 
 namespace palpate::physics {
 
-/// How much of the straight edge is in elements of the present body, where the untouched one has
-/// them. The toughness of each piece is that of its middle.
-/// @param start_m  of the nodes of the session's body
-[[nodiscard]] EdgeInTissue edge_in_tissue(const ElasticBody& whole, const AblatedBody& present,
+/// How much of the straight edge is in these elements, where the untouched body has them. The
+/// toughness of each piece is that of its middle.
+[[nodiscard]] EdgeInTissue edge_in_tissue(const ElasticBody& whole,
+                                          std::span<const std::uint32_t> elements,
                                           const ElasticMaterial::Pierced& tissue,
                                           const Vector3& from_m, const Vector3& to_m);
 
@@ -42,8 +43,9 @@ class BladeSweep {
     EdgeInTissue ahead;  ///< a little further than it is
     Ablation::Sweep sweep;
   };
-  /// The edge is there now. @param slip_m  of the blade past the tissue, since it went in
-  [[nodiscard]] Step advance(const Vector3& slip_m, const ElasticBody& whole,
+  /// The edge is there now.
+  /// @param slip_of_blade_m  past the tissue, since it went in: what of it is in its plane counts
+  [[nodiscard]] Step advance(const Vector3& slip_of_blade_m, const ElasticBody& whole,
                              const AblatedBody& present, const ElasticMaterial::Pierced& tissue);
 
   /// Where its edge is in the untouched body.
@@ -59,8 +61,9 @@ class BladeSweep {
   };
   std::uint32_t number_ = 0;
   BladePlace place_;
-  std::vector<Crossed> faces_;  // by ahead_m, ascending
-  std::size_t next_ = 0;        // of these, that the edge has not passed yet
+  std::vector<Crossed> faces_;           // by ahead_m, ascending
+  std::vector<std::uint32_t> elements_;  // of the session's body, that its plane passes; ascending
+  std::size_t next_ = 0;                 // of these, that the edge has not passed yet
   Vector3 slip_m_ = Vector3::Zero();
   double deepest_m_ = 0.0;
 };

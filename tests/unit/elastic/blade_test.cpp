@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -273,17 +274,41 @@ TEST_F(BladeScene, TheEdgeInTissueIsWhatGeometrySays) {
                                 Vector3(-0.002, 0.015 - 0.03 / 7.0, -0.008)}) {
     const auto body = body_of(scene_);
     const AblatedBody whole = whole_body(std::make_shared<BodyCompliance>(body));
-    const EdgeInTissue edge =
-        edge_in_tissue(*body, whole, *body->pierced, from_m, from_m + Vector3(0, 0, kBladeEdge_m));
+    const EdgeInTissue edge = edge_in_tissue(*body, whole.elements, *body->pierced, from_m,
+                                             from_m + Vector3(0, 0, kBladeEdge_m));
     EXPECT_NEAR(edge.length_m, kCutDepth_m, 1e-6);
     // 5 mm of the tougher part below, in pieces that elements make
     EXPECT_NEAR(edge.newton, kCutToughness_joule_per_m2 * (0.003 + 3.0 * 0.005),
                 kCutToughness_joule_per_m2 * 2.0 * 0.002);
     const Vector3 aside_m(0, 0.04, 0);
-    EXPECT_EQ(edge_in_tissue(*body, whole, *body->pierced, from_m + aside_m,
+    EXPECT_EQ(edge_in_tissue(*body, whole.elements, *body->pierced, from_m + aside_m,
                              from_m + aside_m + Vector3(0, 0, kBladeEdge_m))
                   .length_m,
               0.0);
+  }
+}
+
+// What the plane of the blade passes is all that its edge can be in.
+TEST_F(BladeScene, OnItsWayTheEdgeIsInWhatItIsInOfAll) {
+  const auto body = body_of(scene_);
+  AblatedBody present = whole_body(std::make_shared<BodyCompliance>(body));
+  // what has vanished is not cut
+  std::erase_if(present.elements, [](std::uint32_t e) { return e % 7 == 0; });
+  const BladePlace place{.from_m = {-0.03, 0.001, -0.008},
+                         .facing = Vector3(0.9, 0.2, 0.1).normalized(),
+                         .along = Vector3(-0.1, 0.0, 0.9).normalized(),
+                         .length_m = kBladeEdge_m};
+  BladeSweep sweep;
+  sweep.begin(1, place, *body, elastic::opposite_sides(body->body->mesh()), 0.0);
+  for (double way_m = 0.0; way_m < 0.05; way_m += 0.0011) {
+    const auto step =
+        sweep.advance(way_m * place.facing + 0.1 * way_m * place.along + 1e-3 * place.normal(),
+                      *body, present, *body->pierced);
+    const Vector3 ahead_m = sweep.from_m() + 2e-4 * place.facing;
+    const EdgeInTissue all = edge_in_tissue(*body, present.elements, *body->pierced, ahead_m,
+                                            ahead_m + kBladeEdge_m * place.along);
+    EXPECT_EQ(step.ahead.length_m, all.length_m);
+    EXPECT_EQ(step.ahead.newton, all.newton);
   }
 }
 
@@ -293,6 +318,7 @@ struct CutOf40mm {
   double stored_joule = 0.0;     // less that at 5 mm
   double toughness_joule = 0.0;  // × the area that geometry says the edge has swept
   double mean_newton = 0.0;
+  double least_newton = 0.0;  // from 8 mm on
   double swept_m2 = 0.0;
   double separated_m2 = 0.0;  // projected
   std::uint64_t bodies = 0;
@@ -302,8 +328,12 @@ struct CutOf40mm {
 CutOf40mm cut_40_mm(const SceneConfig& scene, double y_m = 0.001) {
   BladeHand hand(scene, y_m);
   double x_m = -0.034;
+  double least_newton = std::numeric_limits<double>::infinity();
   const auto go_until = [&](double depth_m) {
-    while (hand.depth_m() < depth_m && x_m < 0.025) hand.go_to(x_m += 2e-4);
+    while (hand.depth_m() < depth_m && x_m < 0.025) {
+      hand.go_to(x_m += 2e-4);
+      if (hand.depth_m() > 0.008) least_newton = std::min(least_newton, -hand.newton().x());
+    }
   };
   go_until(0.005);
   const double work_0 = hand.work_joule();
@@ -321,6 +351,7 @@ CutOf40mm cut_40_mm(const SceneConfig& scene, double y_m = 0.001) {
           .stored_joule = hand.stored_joule() - stored_0,
           .toughness_joule = kCutToughness_joule_per_m2 * (hand.swept_m2() - swept_0),
           .mean_newton = (hand.work_joule() - work_0) / (x_m - x_0),
+          .least_newton = least_newton,
           .swept_m2 = figures.swept_m2,
           .separated_m2 = figures.separated_m2,
           .bodies = figures.remade};
@@ -334,17 +365,22 @@ TEST_F(BladeScene, TheWorkIsToughnessTimesAreaWhateverTheMesh) {
   for (const CutOf40mm& one : {coarse, fine}) {
     EXPECT_GE(one.blade_joule, 0.98 * one.toughness_joule);
     EXPECT_LT(one.blade_joule, 1.10 * one.toughness_joule);
-    EXPECT_NEAR(one.work_joule - one.stored_joule, one.toughness_joule, 0.15 * one.toughness_joule);
+    // by each next body it may lose energy, and gives none
+    EXPECT_GE(one.work_joule - one.stored_joule, one.toughness_joule);
+    EXPECT_LT(one.work_joule - one.stored_joule, 1.10 * one.toughness_joule);
+    EXPECT_GT(one.least_newton, 0.8 * one.mean_newton);
     EXPECT_NEAR(one.separated_m2, one.swept_m2, 0.15 * one.swept_m2);
   }
   EXPECT_GT(coarse.bodies, 8U);
-  EXPECT_NEAR(fine.mean_newton, coarse.mean_newton, 0.10 * coarse.mean_newton);
+  EXPECT_NEAR(fine.mean_newton, coarse.mean_newton, 0.05 * coarse.mean_newton);
   for (const CutOf40mm& one : {coarse, fine}) {
     std::printf(
-        "work %.2f mJ, stored %.2f, J A %.2f, mean %.3f N, swept %.1f mm2, separated %.1f "
+        "work %.2f mJ, stored %.2f, J A %.2f, mean %.3f N, least %.3f N, swept %.1f mm2, separated "
+        "%.1f "
         "mm2, bodies %zu\n",
         1e3 * one.work_joule, 1e3 * one.stored_joule, 1e3 * one.toughness_joule, one.mean_newton,
-        1e6 * one.swept_m2, 1e6 * one.separated_m2, static_cast<std::size_t>(one.bodies));
+        one.least_newton, 1e6 * one.swept_m2, 1e6 * one.separated_m2,
+        static_cast<std::size_t>(one.bodies));
   }
 }
 
@@ -409,7 +445,7 @@ TEST_F(BladeScene, WhatIsCutIsTheBodyThatIsBuiltWithASlit) {
       if (copy != copy_of.end()) slit.mesh.elements[4 * e + k] = copy->second;
     }
   }
-  const auto built = remade_elastic_body(*body, std::move(slit), {}, nullptr);
+  const auto built = remade_elastic_body(*body, std::move(slit), {}).body;
   EXPECT_EQ(cut->nodes.size(), built->body->node_count());
   BodyCompliance built_shared(built);
   BodyCompliance whole_shared(body);
@@ -419,6 +455,53 @@ TEST_F(BladeScene, WhatIsCutIsTheBodyThatIsBuiltWithASlit) {
     const double found = give_m_per_newton(*cut->body(), *cut->shared, at_m);
     EXPECT_NEAR(found, expected, 0.01 * expected);
     EXPECT_GT(found, 1.1 * give_m_per_newton(*body, whole_shared, at_m));
+  }
+}
+
+// What the next body takes over from the one before is the order of its work, not its result.
+TEST_F(BladeScene, TheNextBodyGivesWayAsOneThatIsMadeAnew) {
+  const auto body = body_of(scene_);
+  const AblatedBody whole = whole_body(std::make_shared<BodyCompliance>(body));
+  Ablation ablation(whole.shared, {}, kBladeTip_m, 1, false, true);
+  BladeSweep sweep;
+  sweep.begin(1,
+              {.from_m = {-0.03, 0.001, -0.012},
+               .facing = Vector3::UnitX(),
+               .along = Vector3::UnitZ(),
+               .length_m = kBladeEdge_m},
+              *body, ablation.opposite_sides(), 0.0);
+  for (const double x_m : {0.01, 0.02, 0.03, 0.04}) {
+    ablation.cut(0, sweep.advance({x_m, 0, 0}, *body, ablation.present(), *body->pierced).sweep,
+                 0.005);
+    std::shared_ptr<const AblatedBody> cut;
+    for (int i = 0; i < 20 && cut == nullptr; ++i) cut = ablation.advance(0.02, body->start_m);
+    ASSERT_NE(cut, nullptr);
+    const RemadeBody anew = remade_elastic_body(*body, cut->body()->body->description(), {});
+    BodyCompliance anew_shared(anew);
+    ASSERT_EQ(anew.body->surface_nodes, cut->body()->surface_nodes);
+    const std::vector<std::uint32_t> nodes = {anew.body->surface_nodes[40],
+                                              anew.body->surface_nodes.back()};
+    const auto found = cut->shared->compliance().require(nodes);
+    const auto expected = anew_shared.compliance().require(nodes);
+    for (const std::uint32_t node : nodes) {
+      const Eigen::Map<const Eigen::VectorXf> one(
+          found.of(node), 9 * static_cast<Eigen::Index>(anew.body->surface_nodes.size()));
+      const Eigen::Map<const Eigen::VectorXf> other(expected.of(node), one.size());
+      EXPECT_LE((one - other).norm(), 1e-5F * other.norm());
+    }
+    // the slowest motions are as slow; 1/ω² = φᵀ M φ, for φᵀ K φ = 1
+    const auto inertia = [](const ElasticBody& of, Eigen::Index from_last) {
+      const Eigen::MatrixXd& slowest = of.slow_modes.slowest;
+      const Eigen::VectorXd shape = slowest.col(slowest.cols() - 1 - from_last);
+      double sum = 0.0;
+      for (Eigen::Index node = 0; node < of.body->mass_kg().size(); ++node) {
+        sum += of.body->mass_kg()[node] * shape.segment<3>(3 * node).squaredNorm();
+      }
+      return sum;
+    };
+    for (Eigen::Index k = 0; k < 6; ++k) {
+      EXPECT_NEAR(inertia(*cut->body(), k), inertia(*anew.body, k), 0.01 * inertia(*anew.body, k));
+    }
   }
 }
 

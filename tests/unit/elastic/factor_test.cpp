@@ -55,6 +55,16 @@ TEST(BlockCholesky, SolvesAsADenseFactorisationDoes) {
       ASSERT_TRUE(exact.factor(values));
       exact.solve(b.data(), x.data());
       EXPECT_LT((x - expected).norm(), 1e-9 * expected.norm());
+      // together, and as often as it takes
+      std::vector<VectorXd> many;
+      std::vector<double*> vectors;
+      for (int k = 0; k < kTogether; ++k) many.push_back((k + 1.0) * b);
+      for (VectorXd& one : many) vectors.push_back(one.data());
+      exact.solve_together(vectors);
+      for (int k = 0; k < kTogether; ++k) {
+        EXPECT_LT((many[static_cast<std::size_t>(k)] - (k + 1.0) * expected).norm(),
+                  1e-9 * (k + 1.0) * expected.norm());
+      }
       BlockCholesky<float> rough(body.pattern(), body.symbolic());
       ASSERT_TRUE(rough.factor(values));
       rough.solve(b.data(), x.data());
