@@ -470,12 +470,14 @@ TEST_F(BladeScene, TheNextBodyGivesWayAsOneThatIsMadeAnew) {
                .along = Vector3::UnitZ(),
                .length_m = kBladeEdge_m},
               *body, ablation.opposite_sides(), 0.0);
+  auto places_m = body->start_m;
   for (const double x_m : {0.01, 0.02, 0.03, 0.04}) {
     ablation.cut(0, sweep.advance({x_m, 0, 0}, *body, ablation.present(), *body->pierced).sweep,
                  0.005);
     std::shared_ptr<const AblatedBody> cut;
-    for (int i = 0; i < 20 && cut == nullptr; ++i) cut = ablation.advance(0.02, body->start_m);
+    for (int i = 0; i < 20 && cut == nullptr; ++i) cut = ablation.advance(0.02, places_m);
     ASSERT_NE(cut, nullptr);
+    places_m = cut->body()->start_m;
     const RemadeBody anew = remade_elastic_body(*body, cut->body()->body->description(), {});
     BodyCompliance anew_shared(anew);
     ASSERT_EQ(anew.body->surface_nodes, cut->body()->surface_nodes);
