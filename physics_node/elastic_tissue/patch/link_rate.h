@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 
 #include "common/core/time.h"
 
@@ -22,8 +23,7 @@ class LinkRate {
     const double dt_s = std::clamp(to_seconds(now - at_), 0.0, kLongest_s);
     at_ = now;
     if (!(age_s > 0.0)) return;
-    least_age_s_ = has_age_ ? std::min(age_s, least_age_s_ + kForget * dt_s) : age_s;
-    has_age_ = true;
+    least_age_s_ = std::min(age_s, least_age_s_ + kForget * dt_s);
     if (age_s <= least_age_s_ + kQueue_s + kQueueShare * least_age_s_) {
       bytes_per_s_ = std::min(kMostBytesPerS, bytes_per_s_ + growth_bytes_per_s2_ * dt_s);
     } else if (now - reduced_at_ >= loop_age) {  // the last reduction shows
@@ -40,14 +40,13 @@ class LinkRate {
   static constexpr double kReduction = 0.6;
   static constexpr double kFirstGrowth_bytes_per_s2 = 4e6;  // until a queue was seen
   static constexpr double kGrowth_bytes_per_s2 = 1e6;
-  static constexpr double kForget =
-      0.002;  // of the least age, in s per s: the way may have changed
+  // of the least age, in s per s: the way may have changed
+  static constexpr double kForget = 0.002;
   static constexpr double kLongest_s = 0.1;
 
   double bytes_per_s_ = kLeastBytesPerS;
   double growth_bytes_per_s2_ = kFirstGrowth_bytes_per_s2;
-  double least_age_s_ = 0.0;
-  bool has_age_ = false;
+  double least_age_s_ = std::numeric_limits<double>::infinity();
   TimePoint at_{};
   TimePoint reduced_at_{};
 };

@@ -19,6 +19,7 @@
 #include "tests/support/machine/machine.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/wired/shared_clock.h"
+#include "tests/unit/device_node/leader/leader_runs.h"
 
 namespace palpate::test {
 
@@ -42,10 +43,7 @@ class DamiaoBench {
  public:
   explicit DamiaoBench(
       std::vector<device::DamiaoMotorSettings> motors = device::seven_damiao_motors(),
-      device::JointHand hand =
-          [](std::size_t, double rad, double rad_per_s, double) {  // holds the arm where it is
-            return -20.0 * rad - 0.4 * rad_per_s;
-          })
+      device::JointHand hand = holding_hand)
       : emulator_(std::make_unique<device::DamiaoEmulator>(
             device::CanEmulation{
                 .motors = std::move(motors), .hand = std::move(hand), .faults = {}},

@@ -17,6 +17,7 @@
 #include "device_node/emulators/dynamixel_emulator.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/wired/shared_clock.h"
+#include "tests/unit/device_node/leader/leader_runs.h"
 
 namespace palpate::test {
 
@@ -33,11 +34,6 @@ inline std::vector<device::DynamixelJoint> seven_joints() {
     joints[i].current_limit_ampere = 1.0;
   }
   return joints;
-}
-
-/// Holds the arm where it is.
-inline double holding_hand(std::size_t /*joint*/, double rad, double rad_per_s, double /*time_s*/) {
-  return -20.0 * rad - 0.4 * rad_per_s;
 }
 
 class LeaderBench {

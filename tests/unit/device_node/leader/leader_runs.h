@@ -17,6 +17,11 @@
 
 namespace palpate::test {
 
+/// Holds the arm where it is.
+inline double holding_hand(std::size_t /*joint*/, double rad, double rad_per_s, double /*time_s*/) {
+  return -20.0 * rad - 0.4 * rad_per_s;
+}
+
 /// A hand that leads every joint somewhere else each half second, loose enough to be driven.
 inline device::JointHand restless_hand() {
   return [](std::size_t joint, double rad, double rad_per_s, double time_s) {
