@@ -21,8 +21,7 @@
 //   left. New physics session: its first Interaction replaces the model as any next one does,
 //   without a jump; the ledger stays.
 // Physics that is gone for longer than its force takes to fade: what it has described is dropped,
-// as
-//   is what needs more than a tick can spend (LocalTissues::kWorkPerStep); a standby then speaks.
+//   as is what needs more than a tick can spend (LocalTissues::work_in()); a standby then speaks.
 // With `standby_after` there are two physics: both get every motion, both are heard, one is used
 //   (PhysicsChoice); the force passes from one to the other as between two contact models.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that

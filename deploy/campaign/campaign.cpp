@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <optional>
 
 #include "common/core/check.h"
 #include "common/core/random.h"
@@ -119,30 +121,44 @@ std::string command_line(const Campaign& campaign, const Plan& plan) {
   return line;
 }
 
-std::vector<double> compute(const Campaign& campaign, const Plan& plan,
-                            const std::string& mcap_file, bool may_overwrite) {
-  const Session session = load_session(campaign.session_file, plan.overrides);
-  for (const std::string& file : files_of(session)) {
-    if (campaign.marks.contains(file)) continue;
-    throw SetupError(file +
-                     ": was not named when the sweep began, so its results do not depend on it; "
-                     "begin again with another --folder");
-  }
-  const RunReport report =
-      run_loopback(session, {.seconds = campaign.seconds,
-                             .record = {.file = mcap_file, .may_overwrite = may_overwrite},
-                             .recorded_by = "palpate sweep",
-                             .lockstep = {.has_ideal = campaign.needs_ideal()}});
+namespace {
+
+void check_unchanged(const Campaign& campaign) {
   for (const auto& [file, mark] : campaign.marks) {
     if (mark_of(file) == mark) continue;
     throw SetupError(file +
                      ": has changed since the sweep began; with its old content the same command "
                      "goes on, for the new one give another --folder");
   }
+}
+
+}  // namespace
+
+std::vector<double> compute(const Campaign& campaign, const Plan& plan,
+                            const std::string& mcap_file, bool may_overwrite) {
+  std::optional<Session> session;
+  RunReport report;
+  try {
+    session = load_session(campaign.session_file, plan.overrides);
+    for (const std::string& file : files_of(*session)) {
+      if (campaign.marks.contains(file)) continue;
+      throw SetupError(file +
+                       ": was not named when the sweep began, so its results do not depend on it; "
+                       "begin again with another --folder");
+    }
+    report = run_loopback(*session, {.seconds = campaign.seconds,
+                                     .record = {.file = mcap_file, .may_overwrite = may_overwrite},
+                                     .recorded_by = "palpate sweep",
+                                     .lockstep = {.has_ideal = campaign.needs_ideal()}});
+  } catch (const std::exception&) {
+    check_unchanged(campaign);  // a file read while it was being written holds anything
+    throw;
+  }
+  check_unchanged(campaign);
   std::vector<double> figures;
   figures.reserve(campaign.quantities.size());
   for (const Quantity* quantity : campaign.quantities) {
-    figures.push_back(quantity->of(report, session.side()));
+    figures.push_back(quantity->of(report, session->side()));
   }
   return figures;
 }

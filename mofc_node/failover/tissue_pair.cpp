@@ -6,12 +6,13 @@
 namespace palpate::mofc {
 
 TissuePair::TissuePair(InteractionUse use, bool has_standby, double handover_newton_per_s,
-                       std::uint64_t session_id)
+                       std::uint64_t session_id, Duration period)
     : use_(use), newton_per_s_(handover_newton_per_s) {
   const bool has_store = use == InteractionUse::kLocal;
-  models_[0] = std::make_unique<TissueModel>(has_store, handover_newton_per_s, session_id);
+  models_[0] = std::make_unique<TissueModel>(has_store, handover_newton_per_s, session_id, period);
   if (has_standby) {
-    models_[1] = std::make_unique<TissueModel>(has_store, handover_newton_per_s, session_id);
+    models_[1] =
+        std::make_unique<TissueModel>(has_store, handover_newton_per_s, session_id, period);
   }
 }
 
@@ -40,9 +41,8 @@ ModelForce TissuePair::step(const std::array<const Interaction*, kPhysicsRoles>&
     } else if (use_ == InteractionUse::kHeld) {
       forces[i] = held(*newest[i]);
     } else {
-      forces[i] = models_[i]->step(
-          *newest[i], state, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
-          LocalTissues::kWorkPerStep - std::min(work_, LocalTissues::kWorkPerStep));
+      forces[i] = models_[i]->step(*newest[i], state, tool_position_world_m,
+                                   tool_velocity_world_m_per_s, dt_s, work_);
       work_ += models_[i]->work();
     }
   }

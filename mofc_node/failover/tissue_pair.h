@@ -15,7 +15,7 @@ namespace palpate::mofc {
 
 /// Evaluates the tissue of both physics with every DeviceState, so that the one that is not in use
 /// is ready: its store is filled, its proxies follow the tool. Both share the work of a step
-/// (LocalTissues::kWorkPerStep): the one in use has its turn first. When the one in use changes,
+/// (LocalTissues::work_in()): the one in use has its turn first. When the one in use changes,
 /// the share of the other grows by bound / |Δ| per step, as between two contact models, so that the
 /// change alone never moves the force by more than `handover_newton_per_s` · dt. No allocation, no
 /// throw.
@@ -23,8 +23,9 @@ class TissuePair {
  public:
   /// @param has_standby  else the first is the only one
   /// @param session_id   mofc's
+  /// @param period       of the device
   TissuePair(InteractionUse use, bool has_standby, double handover_newton_per_s,
-             std::uint64_t session_id);
+             std::uint64_t session_id, Duration period);
 
   /// Once per Interaction of that physics, in order.
   void receive(PhysicsRole role, const Interaction& interaction, const Header& state) noexcept {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -13,6 +14,7 @@
 #include "common/contact/relaxation.h"
 #include "common/contact/tissue_step.h"
 #include "common/core/messages.h"
+#include "common/core/time.h"
 #include "mofc_node/tissue/physics_clock.h"
 #include "mofc_node/tissue/tissue_store.h"
 
@@ -37,7 +39,13 @@ namespace palpate::mofc {
 class LocalTissues {
  public:
   /// @see SurfaceHint; about 0.25 ms. A tip on an organ takes less than a thirtieth of it.
-  static constexpr std::uint32_t kWorkPerStep = 100000;
+  static constexpr std::uint32_t kMostWork = 100000;
+  /// What a step of a device with this period may take: less where it has less than 1 ms.
+  [[nodiscard]] static constexpr std::uint32_t work_in(Duration period) noexcept {
+    constexpr Duration kEnough = std::chrono::milliseconds(1);
+    if (period >= kEnough) return kMostWork;
+    return static_cast<std::uint32_t>(kMostWork * period.count() / kEnough.count());
+  }
 
   struct Result {
     bool is_stepped = false;
@@ -51,11 +59,10 @@ class LocalTissues {
 
   /// @param now     its time is that of physics' clock
   /// @param shares     of each tissue's result in the force now, 0 … 1
-  /// @param most_work  at most kWorkPerStep
+  /// @param most_work  @see work_in()
   void step(std::array<DescribedTissue, kMaxDescribed>& tissues, const Interaction& newest,
             const ToolPose& now, const Vector3& tool_velocity_world_m_per_s,
-            const std::array<double, kMaxDescribed>& shares,
-            std::uint32_t most_work = kWorkPerStep) noexcept;
+            const std::array<double, kMaxDescribed>& shares, std::uint32_t most_work) noexcept;
 
   [[nodiscard]] const std::array<Result, kMaxDescribed>& results() const noexcept {
     return results_;

@@ -25,8 +25,10 @@ double energy_of_motion_joule(const ModelForce& force, const TissueMotionConfig&
 
 }  // namespace
 
-TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id)
+TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id,
+                         Duration period)
     : newton_per_s_(handover_newton_per_s),
+      work_per_step_(LocalTissues::work_in(period)),
       handover_(handover_newton_per_s),
       held_(handover_newton_per_s),
       store_(has_store ? std::make_unique<TissueStore>(session_id) : nullptr),
@@ -72,7 +74,7 @@ void TissueModel::note_cost(std::uint64_t physics_session_id) noexcept {
 ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state,
                              const Vector3& tool_position_world_m,
                              const Vector3& tool_velocity_world_m_per_s, double dt_s,
-                             std::uint32_t most_work) noexcept {
+                             std::uint32_t spent_work) noexcept {
   const TimePoint now = state.header.sampled_at;
   std::array<TissueShare, kMaxDescribed + kMaxElasticPatches> shares;
   std::size_t share_count = 0;
@@ -94,8 +96,9 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
     const ToolPose pose{.tip_m = tool_position_world_m,
                         .shaft = state.tool_orientation_world * Vector3::UnitZ(),
                         .time_s = clock_.now_s(now).value_or(0.0)};
-    local_.step(store_->tissues(), newest, pose, tool_velocity_world_m_per_s, shares_, most_work);
-    if (most_work == LocalTissues::kWorkPerStep) note_cost(newest.header.session_id);
+    local_.step(store_->tissues(), newest, pose, tool_velocity_world_m_per_s, shares_,
+                work_per_step_ - std::min(spent_work, work_per_step_));
+    if (spent_work == 0) note_cost(newest.header.session_id);
     elastic_->step(newest, tool_position_world_m, dt_s);
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
       share_out(local_.results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <optional>
 
@@ -24,14 +25,16 @@ namespace palpate::mofc {
 /// tissue by Δ, the share of the one that is to count grows by bound / |Δ| per step, as between two
 /// contact models. Of the tissue in the jaws of the tool only HeldTissue counts.
 ///
-/// A physics whose descriptions need more than LocalTissues::kWorkPerStep in a row of about 64
-/// steps that offer so much costs too much: the contact models take over, then its store is
-/// dropped, and none is offered to it until it is restarted. No allocation, no throw.
+/// A physics whose descriptions need more than a step can spend (LocalTissues::work_in()) in a row
+/// of about 64 steps that offer so much costs too much: the contact models take over, then its
+/// store is dropped, and none is offered to it until it is restarted. No allocation, no throw.
 class TissueModel {
  public:
   /// @param has_store   false: contact models only
   /// @param session_id  mofc's
-  TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id);
+  /// @param period      of the device
+  TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id,
+              Duration period);
 
   /// Once per Interaction, in order.
   /// @param state  of the DeviceState that is answered with it
@@ -65,11 +68,11 @@ class TissueModel {
   /// @param newest  answers this device session
   /// @param dt_s    ≥ 0, since the step before
   /// @param tool_position_world_m  estimated at that state, as is the velocity
-  /// @param most_work  at most LocalTissues::kWorkPerStep
+  /// @param spent_work  of what the step can spend, before
   [[nodiscard]] ModelForce step(const Interaction& newest, const DeviceState& state,
                                 const Vector3& tool_position_world_m,
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s,
-                                std::uint32_t most_work = LocalTissues::kWorkPerStep) noexcept;
+                                std::uint32_t spent_work = 0) noexcept;
   /// Of the last step.
   [[nodiscard]] std::uint32_t work() const noexcept { return local_.work(); }
 
@@ -79,6 +82,7 @@ class TissueModel {
                  const Vector3& velocity, double dt_s, double& share) noexcept;
 
   double newton_per_s_;
+  std::uint32_t work_per_step_;
   ModelHandover handover_;
   HeldTissue held_;
   std::unique_ptr<TissueStore> store_;

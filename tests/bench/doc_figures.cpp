@@ -201,6 +201,22 @@ std::string disturbed_table(const std::vector<json>& outputs) {
                   table);
 }
 
+// --- descriptions made to cost time ---------------------------------------------------------
+
+std::string descriptions_table(const std::vector<json>& outputs) {
+  std::vector<Cells> table;
+  for (const json& row : outputs.at(0).at("rows")) {
+    const bool is_cloud = text(row, "descriptions").find("points") != std::string::npos;
+    table.push_back({is_cloud ? "points" : "triangles", text(row, "physics"),
+                     fixed(row, "rate_hz", 0), fixed(row, "reply_p50_us", 0),
+                     fixed(row, "reply_p99_us", 0), fixed(row, "dies_p99_us", 0),
+                     fixed(row, "dies_answered_percent", 1)});
+  }
+  return markdown({"worst found", "costly physics", "device, Hz", "reply p50, µs", "p99, µs",
+                   "the first falls silent: p99, µs", "answered in time, %"},
+                  table);
+}
+
 // --- velocity estimators --------------------------------------------------------------------
 
 std::string velocity_table(const std::vector<json>& outputs) {
@@ -551,6 +567,11 @@ std::vector<DocFigures> doc_figures() {
        .is_checked = false,
        .is_of_real_time = true,
        .table = exchange_table},
+      {.name = "descriptions",
+       .commands = {"descriptions_bench"},
+       .is_checked = false,
+       .is_of_real_time = true,
+       .table = descriptions_table},
       {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
       {.name = "cases", .commands = {"velocity_bench --quick"}, .table = velocity_cases_table},
       {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},

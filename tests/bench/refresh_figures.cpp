@@ -131,7 +131,9 @@ std::vector<Block> blocks_of(const std::string& text, const fs::path& file) {
     if (name_end == std::string::npos || name_end > end) {
       refuse("a marker of figures without a name");
     }
-    if (end == std::string::npos) refuse("a marker of figures without its end");
+    if (end == std::string::npos || text.find(begin, at + 1) < end) {
+      refuse("a marker of figures without its end");
+    }
     const std::size_t caption = text.find('\n', at) + 1;
     const std::size_t caption_end = text.find("*\n\n", caption);
     if (caption_end == std::string::npos || caption_end > end) {

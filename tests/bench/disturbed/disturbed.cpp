@@ -97,7 +97,9 @@ struct Cost {
 class CostMeter {
  public:
   CostMeter(const Session& session, Cost& cost)
-      : cost_(cost), tissue_(true, session.side().mofc.handover_newton_per_s, kLockstepMofc) {}
+      : cost_(cost),
+        tissue_(true, session.side().mofc.handover_newton_per_s, kLockstepMofc,
+                from_seconds(1.0 / session.side().device.rate_hz)) {}
 
   void note(const Interaction& interaction) {
     DeviceState state;

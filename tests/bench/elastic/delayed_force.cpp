@@ -56,7 +56,8 @@ DelayedForces delayed_forces(const SceneConfig& scene, const std::function<Vecto
   PhysicsConfig physics;
   physics.rate_hz = network.physics_hz;
   physics::SceneEngine engine(scene, physics, InteractionUse::kLocal);
-  mofc::TissueModel model(true, MofcConfig{}.handover_newton_per_s, 1);
+  mofc::TissueModel model(true, MofcConfig{}.handover_newton_per_s, 1,
+                          from_seconds(kDelayedTick_s));
   Line<ToolMotion> motions(network, network.seed);
   Line<Interaction> interactions(network, network.seed + 1);
   Codec<Interaction> encoder;

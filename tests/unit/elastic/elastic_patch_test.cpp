@@ -196,7 +196,7 @@ class DelayedPress : public SentPatch {
     tissues_.emplace(bodies_, 1, kPatchBall_m, ElasticPace::kVirtual);
     sender_ = {};
     ElasticReference reference(bodies_, kPatchBall_m, 2e-3);
-    mofc::TissueModel model(true, 100.0, 77);
+    mofc::TissueModel model(true, 100.0, 77, from_seconds(1e-3));
     Random random(5);
     std::deque<std::pair<int, ToolMotion>> up;
     std::deque<std::pair<int, std::unique_ptr<Interaction>>> down;

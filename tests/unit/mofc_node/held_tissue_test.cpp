@@ -281,7 +281,7 @@ TEST_F(Held, ANeedleHoldsAcross) {
 
 // In the whole model the contact of hop 3 counts once, by the jaws alone.
 TEST(HeldInTheModel, TheContactModelDoesNotCountBesides) {
-  TissueModel model(true, kHeldNewtonPerS, 1);
+  TissueModel model(true, kHeldNewtonPerS, 1, from_seconds(1e-3));
   const Interaction said = holding();
   DeviceState state;
   state.header.session_id = 1;

@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <tuple>
+
 #include "common/core/random.h"
 #include "mofc_node/failover/tissue_pair.h"
 #include "mofc_node/tissue/tissue_model.h"
@@ -53,7 +56,7 @@ class PartOfAFloor : public testing::Test {
   const LocalTissues::Result& step_to(const Vector3& tip_m) {
     time_s_ += 1e-3;
     local_.step(store_.tissues(), interaction_, {.tip_m = tip_m, .time_s = time_s_},
-                Vector3::Zero(), shares_);
+                Vector3::Zero(), shares_, LocalTissues::kMostWork);
     shares_[0] = local_.results()[0].is_valid ? 1.0 : 0.0;
     return local_.results()[0];
   }
@@ -89,7 +92,7 @@ TEST_F(PartOfAFloor, ABallOfPhysicsEndsWhereItDoes) {
   EXPECT_TRUE(step_to({0.03, 0.0, 0.04}).is_valid);
   LocalTissues anew;
   anew.step(store_.tissues(), interaction_, {.tip_m = {0.03, 0.0, 0.005}, .time_s = 1.0},
-            Vector3::Zero(), {});
+            Vector3::Zero(), {}, LocalTissues::kMostWork);
   EXPECT_FALSE(anew.results()[0].is_valid);
 }
 
@@ -111,8 +114,8 @@ TEST_F(PartOfAFloor, IsFeltByAShaftWhereItIsKnown) {
     for (double z_m = 0.06; z_m > 0.0285; z_m -= 1e-4) {
       time_s_ += 1e-3;
       local.step(store_.tissues(), interaction_,
-                 {.tip_m = {0.0, 0.0, z_m}, .shaft = shaft, .time_s = time_s_}, Vector3::Zero(),
-                 {});
+                 {.tip_m = {0.0, 0.0, z_m}, .shaft = shaft, .time_s = time_s_}, Vector3::Zero(), {},
+                 LocalTissues::kMostWork);
     }
     const LocalTissues::Result& result = local.results()[0];
     // an invalid step that has no share in the force ends early
@@ -140,12 +143,20 @@ using test::CostlyPhysics;
 // of a view that ends: the tile that it was at; of a place that is looked at anew: all tiles
 constexpr std::uint32_t kOvershoot = 2 * kTileSlots + 2 * (2 * kTileSlots + 8UL * 512UL);
 
-class LocalTissuesOfAny : public testing::TestWithParam<CostlyGenes> {};
+TEST(WorkOfAStep, IsAPartOfAShortPeriod) {
+  EXPECT_EQ(LocalTissues::work_in(std::chrono::milliseconds(20)), LocalTissues::kMostWork);
+  EXPECT_EQ(LocalTissues::work_in(std::chrono::milliseconds(1)), LocalTissues::kMostWork);
+  EXPECT_EQ(LocalTissues::work_in(std::chrono::microseconds(250)), LocalTissues::kMostWork / 4);
+}
+
+class LocalTissuesOfAny : public testing::TestWithParam<std::tuple<CostlyGenes, double>> {};
 
 TEST_P(LocalTissuesOfAny, LookAtNoMoreThanTheirBudget) {
+  const auto& [genes, period_ms] = GetParam();
+  const std::uint32_t most_work = LocalTissues::work_in(from_seconds(1e-3 * period_ms));
   Random random(3);
   TissueStore store(1);
-  const CostlyPhysics physics = test::costly_physics(GetParam(), 1, random);
+  const CostlyPhysics physics = test::costly_physics(genes, 1, random);
   for (const Interaction& message : physics.messages) store.take(message, {});
   store.take(physics.last, {});
   LocalTissues local;
@@ -156,23 +167,31 @@ TEST_P(LocalTissuesOfAny, LookAtNoMoreThanTheirBudget) {
     const double angle = 0.1 * i;
     const Vector3 tip_m = 2e-3 * Vector3(std::cos(angle), std::sin(angle), std::sin(0.3 * angle));
     local.step(store.tissues(), physics.last, {.tip_m = tip_m, .time_s = 1e-3 * i}, Vector3::Zero(),
-               shares);
+               shares, most_work);
     most = std::max(most, local.work());
     is_exhausted = is_exhausted || local.is_exhausted();
     for (std::size_t k = 0; k < kMaxDescribed; ++k) {
       shares[k] = local.results()[k].is_valid ? 1.0 : 0.5;
     }
   }
-  EXPECT_LE(most, LocalTissues::kWorkPerStep + kOvershoot);
+  EXPECT_LE(most, most_work + kOvershoot);
   EXPECT_TRUE(is_exhausted) << most;
 }
 
+std::string name_of_costly(const testing::TestParamInfo<std::tuple<CostlyGenes, double>>& info) {
+  const auto& [genes, period_ms] = info.param;
+  return std::to_string(genes.tissues) + (genes.is_cloud ? "_clouds" : "_meshes") +
+         (genes.is_moving ? "_moving" : "") + (period_ms < 1.0 ? "_at_4_kHz" : "_at_1_kHz");
+}
 INSTANTIATE_TEST_SUITE_P(
     Kind, LocalTissuesOfAny,
-    testing::Values(CostlyGenes{.tissues = 8, .tiles = kTileSlots / 8},
-                    CostlyGenes{.tissues = 1, .tiles = kTileSlots, .spread_m = 5e-3},
-                    CostlyGenes{.tiles = kTileSlots / 8, .is_moving = true, .spread_m = 0.05},
-                    CostlyGenes{.tiles = kTileSlots / 8, .is_cloud = true, .is_moving = true}));
+    testing::Combine(
+        testing::Values(CostlyGenes{.tissues = 8, .tiles = kTileSlots / 8},
+                        CostlyGenes{.tissues = 1, .tiles = kTileSlots, .spread_m = 5e-3},
+                        CostlyGenes{.tiles = kTileSlots / 8, .is_moving = true, .spread_m = 0.05},
+                        CostlyGenes{.tiles = kTileSlots / 8, .is_cloud = true, .is_moving = true}),
+        testing::Values(1.0, 0.25)),
+    name_of_costly);
 
 /// Tissue under a tool at rest in it, evaluated with what physics sends.
 class BudgetOfAModel : public testing::Test {
@@ -212,7 +231,7 @@ class BudgetOfAModel : public testing::Test {
   }
 
   static constexpr double kRate_newton_per_s = 50.0;
-  TissueModel model_{true, kRate_newton_per_s, 1};
+  TissueModel model_{true, kRate_newton_per_s, 1, std::chrono::milliseconds(1)};
   DeviceState state_;
   Vector3 tip_m_{0.0, 0.0, 0.5 * kTip_m};
 };
@@ -315,7 +334,8 @@ TEST_F(BudgetOfAModel, IsSharedByTwoPhysicsTheOneInUseFirst) {
   for (const PhysicsRole in_use : {PhysicsRole::kFirst, PhysicsRole::kStandby}) {
     const PhysicsRole other =
         in_use == PhysicsRole::kFirst ? PhysicsRole::kStandby : PhysicsRole::kFirst;
-    TissuePair pair(InteractionUse::kLocal, true, kRate_newton_per_s, 1);
+    TissuePair pair(InteractionUse::kLocal, true, kRate_newton_per_s, 1,
+                    std::chrono::milliseconds(1));
     Interaction honest = floor();
     honest.surface.store_id = pair.receipts(in_use).store_id;
     pair.receive(in_use, honest, state_.header);
@@ -335,7 +355,7 @@ TEST_F(BudgetOfAModel, IsSharedByTwoPhysicsTheOneInUseFirst) {
     };
     for (int i = 0; i < 300; ++i) {
       step(in_use);
-      ASSERT_LE(pair.work(), LocalTissues::kWorkPerStep + kOvershoot);
+      ASSERT_LE(pair.work(), LocalTissues::kMostWork + kOvershoot);
     }
     EXPECT_NEAR(step(in_use).z(), 0.5 * kTip_m * kStiffness, 1e-9);
     EXPECT_FALSE(pair.costs_too_much(in_use));
