@@ -16,6 +16,11 @@ static_assert(kStride % kCompliancePadding == 0);
 constexpr double kSweepTolerance_m = 1e-7;
 constexpr double kStepShare = 0.25;       // of the tip's radius
 constexpr double kLongestPeriod_s = 0.1;  // of full solutions, if one is late
+// In the units of LocalTissues::work_in(), by descriptions_bench: to begin a model or a sweep of a
+// sphere, for each time that it goes round the points, and for each force that changes.
+constexpr std::uint32_t kWorkPerStep = 2000;
+constexpr std::uint32_t kWorkPerSweep = 300;
+constexpr std::uint32_t kWorkPerChange = 60;
 // Where a point is that is not there.
 constexpr double kNowhere_m = 1e9;
 
@@ -114,8 +119,9 @@ class ElasticPatches::Patch {
     state_ = state;
     has_state_ = true;
   }
-  Result step(const Interaction& newest, const Vector3& tip_m, double dt_s,
-              double most_newton) noexcept;
+  /// @param budget  reduced by what this needs
+  Result step(const Interaction& newest, const Vector3& tip_m, double dt_s, double most_newton,
+              Budget& budget) noexcept;
 
  private:
   struct Held {
@@ -139,8 +145,8 @@ class ElasticPatches::Patch {
   void begin(Model& model) noexcept;
   void reach(Model& model) noexcept;
   void arrive(Model& model) noexcept;
-  void sweep_to(const Vector3& tip_m, double step_s, Model& model) noexcept;
-  void walk_to(const Vector3& tip_m, double dt_s, int& left, Model& model) noexcept;
+  void sweep_to(const Vector3& tip_m, double step_s, Budget& budget, Model& model) noexcept;
+  void walk_to(const Vector3& tip_m, double dt_s, int& left, Budget& budget, Model& model) noexcept;
   void rub(const Interaction& newest, const Vector3& tip_m, const ElasticState& state,
            ModelForce& force) noexcept;
 
@@ -267,7 +273,8 @@ void ElasticPatches::Patch::reach(Model& model) noexcept {
 }
 
 /// @param step_s  since the last sweep; 0: the body comes to rest
-void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model& model) noexcept {
+void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Budget& budget,
+                                     Model& model) noexcept {
   SphereSweep sphere{
       .count = kElasticSlots,
       .compliance_m_per_newton = compliance_.data(),
@@ -292,16 +299,26 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
   const bool is_between = model.state.has_rest && model.sum_newton > 0.0;
   const double share = is_between ? std::min(1.0, sum_newton / model.sum_newton) : 1.0;
   model.moved_m.fill(0.0F);
+  std::uint32_t changes = 0;
   for (std::size_t i = 0; i < kElasticSlots; ++i) {
     if (!model.is_present[i]) continue;
     model.base_m[i] = (1.0 - share) * model.rest_m[i] + share * model.solved_m[i];
     model.still_m[i] = (1.0 - share) * model.rest_m[i] + share * model.placed_m[i];
     const Vector3 change = model.forces_newton[i] - share * model.solved_newton[i];
-    if (!change.isZero(0.0)) add_columns(sphere, i, change, model.moved_m.data());
+    if (change.isZero(0.0)) continue;
+    add_columns(sphere, i, change, model.moved_m.data());
+    ++changes;
   }
   const bool is_viscous = model.state.relaxation_s > 0.0;
   if (is_viscous) reach(model);
-  sweep(sphere, kMostSweeps, kMostChanges, kSweepTolerance_m);
+  const auto most = [&](int usual, std::uint32_t cost) {
+    return static_cast<int>(
+        std::min<std::uint32_t>(static_cast<std::uint32_t>(usual), budget.left / cost + 1));
+  };
+  const SweepEffort effort = sweep(sphere, most(kMostSweeps, kWorkPerSweep),
+                                   most(kMostChanges, kWorkPerChange), kSweepTolerance_m);
+  budget.take(kWorkPerStep + kWorkPerSweep * static_cast<std::uint32_t>(effort.sweeps) +
+              kWorkPerChange * (changes + static_cast<std::uint32_t>(effort.changes)));
   model.at_m = tip_m;
 
   Vector3 sum = Vector3::Zero();
@@ -329,30 +346,31 @@ void ElasticPatches::Patch::sweep_to(const Vector3& tip_m, double step_s, Model&
 }
 
 /// At most `left` steps, less those made, in the time that the tip took for its way.
-void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left,
+void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left, Budget& budget,
                                     Model& model) noexcept {
   const double longest_m = kStepShare * model.state.tip_radius_m;
   const double steps = std::max(1.0, std::ceil((tip_m - model.at_m).norm() / longest_m));
   model.left_s += dt_s;
   const double step_s = model.left_s / steps;
-  while (left > 0) {
+  while (left > 0 && budget.left > 0) {
     --left;
     const Vector3 way_m = tip_m - model.at_m;
     const double length_m = way_m.norm();
     if (length_m <= longest_m) {
-      sweep_to(tip_m, step_s, model);
+      sweep_to(tip_m, step_s, budget, model);
       model.is_walking = false;
       model.left_s = 0.0;
       return;
     }
-    sweep_to(model.at_m + longest_m / length_m * way_m, step_s, model);
+    sweep_to(model.at_m + longest_m / length_m * way_m, step_s, budget, model);
     model.left_s = std::max(0.0, model.left_s - step_s);
   }
   model.is_walking = true;
 }
 
 ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, const Vector3& tip_m,
-                                                   double dt_s, double most_newton) noexcept {
+                                                   double dt_s, double most_newton,
+                                                   Budget& budget) noexcept {
   since_state_s_ += dt_s;
   if (has_state_) state_age_s_ += dt_s;
   // a new state waits for the end of a crossing, and of the way of a model to the tip
@@ -365,6 +383,7 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
     const bool is_next = is_used && current().state.tissue == state_.tissue;
     if (!is_next) next().is_there = false;
     begin(is_next ? next() : current());
+    budget.take(kWorkPerStep);
   }
   if (!current().is_there) return {};
 
@@ -372,13 +391,13 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
   if (!current().is_complete) return {};
   const bool has_next = is_usable(next());
   int left = has_next ? kMostSteps - 1 : kMostSteps;
-  walk_to(tip_m, dt_s, left, current());
+  walk_to(tip_m, dt_s, left, budget, current());
   const bool is_there = !current().is_walking;
   const Model* model = &current();
   result.force = {model->force_on_tool_newton, model->stored_energy_joule, model->is_touching};
   if (has_next) {
     ++left;
-    walk_to(tip_m, dt_s, left, next());
+    walk_to(tip_m, dt_s, left, budget, next());
   }
   if (has_next && is_there && !is_crossing_ && !next().is_walking && next().covers(tip_m)) {
     is_crossing_ = true;
@@ -462,10 +481,13 @@ void ElasticPatches::reset() noexcept {
   results_ = {};
 }
 
-void ElasticPatches::step(const Interaction& newest, const Vector3& tip_m, double dt_s) noexcept {
+void ElasticPatches::step(const Interaction& newest, const Vector3& tip_m, double dt_s,
+                          std::uint32_t most_work) noexcept {
+  Budget budget{.left = most_work};
   for (std::size_t i = 0; i < kMaxElasticPatches; ++i) {
-    results_[i] = patches_[i].step(newest, tip_m, dt_s, newton_per_s_ * dt_s);
+    results_[i] = patches_[i].step(newest, tip_m, dt_s, newton_per_s_ * dt_s, budget);
   }
+  work_ = budget.used;
 }
 
 }  // namespace palpate::mofc

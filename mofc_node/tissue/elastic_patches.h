@@ -2,6 +2,7 @@
 // elastic_patches.h — the contact with elastic bodies, solved at the device's rate.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -24,8 +25,9 @@ namespace palpate::mofc {
 /// the Interaction counts.
 ///
 /// 1.5 MB, allocated by the constructor. The other functions neither allocate nor throw. A step
-/// takes at most kMostSteps sweeps of a sphere for each patch; a sweep changes kMostChanges forces
-/// at most.
+/// takes at most kMostSteps sweeps of a sphere for each patch, a sweep changes kMostChanges forces
+/// at most, and together they do no more than `most_work`: the last sweep ends early, and goes on
+/// in the next step; a patch for which nothing is left keeps its force, and its step is invalid.
 class ElasticPatches {
  public:
   using Result = LocalTissues::Result;
@@ -48,7 +50,11 @@ class ElasticPatches {
   void reset() noexcept;
 
   /// @param newest  where friction begins   @param dt_s  ≥ 0, since the step before
-  void step(const Interaction& newest, const Vector3& tip_m, double dt_s) noexcept;
+  /// @param most_work  in the units of LocalTissues::work_in()
+  void step(const Interaction& newest, const Vector3& tip_m, double dt_s,
+            std::uint32_t most_work) noexcept;
+  /// Of the last step.
+  [[nodiscard]] std::uint32_t work() const noexcept { return work_; }
   [[nodiscard]] const std::array<Result, kMaxElasticPatches>& results() const noexcept {
     return results_;
   }
@@ -56,11 +62,22 @@ class ElasticPatches {
  private:
   struct Model;
   class Patch;
+  /// What all patches of a step share.
+  struct Budget {
+    std::uint32_t left = 0;
+    std::uint32_t used = 0;
+
+    void take(std::uint32_t some) noexcept {
+      used += some;
+      left -= std::min(left, some);
+    }
+  };
   double newton_per_s_;
   std::uint64_t store_id_ = 0;
   ElasticReceipts receipts_;
   std::vector<Patch> patches_;
   std::array<Result, kMaxElasticPatches> results_{};
+  std::uint32_t work_ = 0;
 };
 
 }  // namespace palpate::mofc

@@ -74,7 +74,9 @@ class TissueModel {
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s,
                                 std::uint32_t spent_work = 0) noexcept;
   /// Of the last step.
-  [[nodiscard]] std::uint32_t work() const noexcept { return local_.work(); }
+  [[nodiscard]] std::uint32_t work() const noexcept {
+    return local_.work() + (elastic_ ? elastic_->work() : 0);
+  }
 
  private:
   void note_cost(std::uint64_t physics_session_id) noexcept;

@@ -206,11 +206,9 @@ std::string disturbed_table(const std::vector<json>& outputs) {
 std::string descriptions_table(const std::vector<json>& outputs) {
   std::vector<Cells> table;
   for (const json& row : outputs.at(0).at("rows")) {
-    const bool is_cloud = text(row, "descriptions").find("points") != std::string::npos;
-    table.push_back({is_cloud ? "points" : "triangles", text(row, "physics"),
-                     fixed(row, "rate_hz", 0), fixed(row, "reply_p50_us", 0),
-                     fixed(row, "reply_p99_us", 0), fixed(row, "dies_p99_us", 0),
-                     fixed(row, "dies_answered_percent", 1)});
+    table.push_back({text(row, "kind"), text(row, "physics"), fixed(row, "rate_hz", 0),
+                     fixed(row, "reply_p50_us", 0), fixed(row, "reply_p99_us", 0),
+                     fixed(row, "dies_p99_us", 0), fixed(row, "dies_answered_percent", 1)});
   }
   return markdown({"worst found", "costly physics", "device, Hz", "reply p50, µs", "p99, µs",
                    "the first falls silent: p99, µs", "answered in time, %"},

@@ -53,8 +53,8 @@ void add_columns(const SphereSweep& sphere, std::size_t point, const Vector3& x,
             amount.data(), y);
 }
 
-int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
-          double tolerance_m) noexcept {
+SweepEffort sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
+                  double tolerance_m) noexcept {
   const bool has_friction = sphere.friction_coefficient > 0.0;
   for (std::size_t i = 0; i < sphere.count; ++i) {
     Vector3 at_m = place_of(sphere, i);
@@ -66,7 +66,8 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
     const Vector3 axis = sphere.axes != nullptr ? sphere.axes[i] : Vector3(Vector3::Zero());
     sphere.normals[i] = normal_of(at_m - sphere.center_m, axis, sphere.radius_m);
   }
-  for (int sweeps = 0; sweeps < most_sweeps; ++sweeps) {
+  SweepEffort effort;
+  while (effort.sweeps < most_sweeps) {
     double largest_m = 0.0;
     for (std::size_t i = 0; i < sphere.count; ++i) {
       const Vector3 at_m = place_of(sphere, i);
@@ -105,11 +106,15 @@ int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
       force = wanted;
       largest_m = std::max(largest_m, (give + more) * change.norm());
       add_columns(sphere, i, change, sphere.moved_m);
-      if (--most_changes <= 0) return sweeps + 1;
+      if (++effort.changes >= most_changes) {
+        ++effort.sweeps;
+        return effort;
+      }
     }
-    if (largest_m <= tolerance_m) return sweeps;
+    if (largest_m <= tolerance_m) return effort;
+    ++effort.sweeps;
   }
-  return most_sweeps;
+  return effort;
 }
 
 }  // namespace palpate

@@ -54,12 +54,16 @@ struct SphereSweep {
   double pace = 1.0;
 };
 
+struct SweepEffort {
+  int sweeps = 0;
+  int changes = 0;  ///< of a force
+};
+
 /// Gauss–Seidel: unilateral, Coulomb friction. At most so many sweeps, and changes of a force.
 /// Normals are those at the beginning: if they turned with the points, sweeps would not converge.
 /// No allocation, no throw. Time: count · sweeps + 9 count · changes.
-/// @return  the sweeps made
-int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
-          double tolerance_m) noexcept;
+SweepEffort sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
+                  double tolerance_m) noexcept;
 
 /// Where a point is under the forces of the last sweep.
 [[nodiscard]] Vector3 place_of(const SphereSweep& sphere, std::size_t point) noexcept;

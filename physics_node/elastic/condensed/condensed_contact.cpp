@@ -401,7 +401,7 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
                            .way_m = way,
                            .reached_m = reached_m_.data(),
                            .pace = pace};
-  report.sweeps = sweep(sphere, most_sweeps, std::numeric_limits<int>::max(), tolerance_m);
+  report.sweeps = sweep(sphere, most_sweeps, std::numeric_limits<int>::max(), tolerance_m).sweeps;
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
     const Vector3d before_m = reached_m_[i];
     reached_m_[i] = place_of(sphere, i);

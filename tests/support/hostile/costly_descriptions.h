@@ -28,6 +28,7 @@ struct CostlyGenes {
   double tip_radius_m = 3e-3;
   double shaft_length_m = 0.1;  ///< 0: none
   double friction = 0.5;
+  std::size_t elastic_patches = 0;  ///< with all their points in the tip, which never comes to rest
 };
 
 /// A tile of the lattice of 16 µm whose parts all lie around its middle.
@@ -70,11 +71,63 @@ inline SurfaceTile costly_tile(const CostlyGenes& genes, const Vector3& middle_m
   return tile;
 }
 
-/// What the physics of these genes sends, in order, and the answer that it then repeats.
+/// What the physics of these genes sends, in order, and the answer that it then repeats, with the
+/// next states of its elastic bodies.
 struct CostlyPhysics {
   std::vector<Interaction> messages;
   Interaction last;
+  std::vector<ElasticState> states;
+  std::uint64_t elastic_number = 0;
+
+  void next_answer() noexcept {
+    if (states.empty()) return;
+    last.elastic.store_id = last.surface.store_id;
+    last.elastic.number = ++elastic_number;
+    last.elastic.state = states[elastic_number % states.size()];
+    last.elastic.state.number = static_cast<std::uint32_t>(elastic_number);
+  }
 };
+
+/// Points whose compliance is no body's: pressed in turn, they push each other on for ever.
+inline void add_costly_elastic(const CostlyGenes& genes, std::uint64_t store_id, Random& random,
+                               CostlyPhysics& rogue) {
+  const auto any = [&] { return static_cast<std::int16_t>(random.uniform(-32767.0, 32767.0)); };
+  for (std::uint32_t patch = 0; patch < genes.elastic_patches; ++patch) {
+    ElasticState state;
+    state.patch = patch;
+    state.tissue = static_cast<std::uint32_t>(kMaxDescribed) + patch;
+    state.tip_radius_m = genes.tip_radius_m;
+    state.radius_m = 1.0;
+    state.away_step_m = static_cast<float>(genes.tip_radius_m);
+    state.force_step_newton = 1e-3F;
+    for (std::uint32_t slot = 0; slot < kElasticSlots; ++slot) {
+      Interaction message;
+      message.header.session_id = 9;
+      message.device_session_id = 1;
+      ElasticNews& news = message.elastic;
+      news.store_id = store_id;
+      news.number = ++rogue.elastic_number;
+      news.has_point = true;
+      ElasticPoint& point = news.point;
+      point.patch = patch;
+      point.slot = slot;
+      point.version = slot + 1;
+      point.rigid_give_m_per_newton = 1e-4F;
+      point.step_m_per_newton = 1e-3F;
+      point.own = {20000, 0, 0, 20000, 0, 20000};
+      for (std::uint32_t other = 0; other < slot; ++other) {
+        point.has_other.set(other);
+        for (std::int16_t& entry : point.others[other]) entry = any();
+      }
+      rogue.messages.push_back(message);
+      ElasticPlace& place = state.places[slot];
+      place.version = point.version;
+      place.away = place.rest = {any(), any(), static_cast<std::int16_t>(any() / 4)};
+      place.force = {any(), any(), any()};
+    }
+    rogue.states.push_back(state);
+  }
+}
 
 inline CostlyPhysics costly_physics(const CostlyGenes& genes, std::uint64_t store_id,
                                     Random& random) {
@@ -137,11 +190,13 @@ inline CostlyPhysics costly_physics(const CostlyGenes& genes, std::uint64_t stor
     rogue.last.surface.coverages[i] = {
         .described_slot = i, .description_version = 1, .region = {.radius_m = 1000.0}};
     rogue.last.surface.coverage_count = i + 1;
+    if (genes.elastic_patches > 0 && i >= kMaxContactsWithElastic) continue;
     rogue.last.contacts[i].tissue = i;
     rogue.last.contacts[i].penetration_m = -0.01;
     rogue.last.contacts[i].trust_radius_m = 1.0;
     rogue.last.listed_count = i + 1;
   }
+  add_costly_elastic(genes, store_id, random, rogue);
   return rogue;
 }
 

@@ -12,6 +12,7 @@
 
 #include "deploy/lockstep/random_elastic.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/hostile/costly_descriptions.h"
 
 namespace palpate::mofc {
 namespace {
@@ -111,7 +112,7 @@ class HalfSpacePatch : public testing::Test {
     for (const ElasticPoint& point : points_) send(point);
   }
   const ElasticPatches::Result& step_to(const Vector3& tip_m) {
-    patches_.step(interaction_, tip_m, kTick_s);
+    patches_.step(interaction_, tip_m, kTick_s, LocalTissues::kMostWork);
     return patches_.results()[0];
   }
   /// Straight down, at 100 mm/s.
@@ -327,6 +328,29 @@ TEST_F(HalfSpacePatch, AcknowledgesWhatArrived) {
   EXPECT_EQ(patches_.receipts().newest, 0u);
 }
 
+// points that push each other on for ever; one sweep begins, whatever is left
+TEST(ElasticPatches, DoNoMoreThanTheirBudget) {
+  constexpr std::uint64_t kStore = 1;
+  for (const std::uint32_t most_work : {LocalTissues::kMostWork, LocalTissues::kMostWork / 4, 0U}) {
+    Random random(4);
+    test::CostlyPhysics physics = test::costly_physics(
+        {.tissues = 1, .tiles = 1, .tip_radius_m = 3e-4, .elastic_patches = 2}, kStore, random);
+    ElasticPatches patches(kNewtonPerS);
+    for (const Interaction& message : physics.messages) patches.take(message, kStore, 0.0);
+    std::uint32_t most = 0;
+    for (int i = 1; i <= 200; ++i) {
+      physics.next_answer();
+      patches.take(physics.last, kStore, 0.0);
+      const double angle = 0.15 * i;
+      patches.step(physics.last, 2e-3 * Vector3(std::cos(angle), std::sin(angle), 0.0), kTick_s,
+                   most_work);
+      most = std::max(most, patches.work());
+    }
+    EXPECT_LE(most, most_work + 14000);
+    EXPECT_GE(most, std::min(most_work, LocalTissues::kMostWork / 2));
+  }
+}
+
 TEST(ElasticPatches, AreFiniteAndBoundedWhateverArrives) {
   Random random(1);
   for (int run = 0; run < 40; ++run) {
@@ -358,7 +382,7 @@ TEST(ElasticPatches, AreFiniteAndBoundedWhateverArrives) {
       const test::AllocGuard guard;
       patches.take(interaction, 1, 0.0);
       tip_m += random_vector(random, 1e-3);
-      patches.step(interaction, tip_m, kTick_s);
+      patches.step(interaction, tip_m, kTick_s, LocalTissues::kMostWork);
       for (const ElasticPatches::Result& result : patches.results()) {
         EXPECT_TRUE(result.force.force_on_tool_newton.allFinite());
         // the points' and the rest of the state's; friction adds its share
