@@ -29,6 +29,8 @@ constexpr double kPatchRadii = 1.0;
 // They are chosen where the tip will be while they are used, after so many steps of the solution.
 constexpr double kAhead = 1.5;
 constexpr double kMostInwardRadii = 0.5;
+// A solution is that of where the tip will be when it is used, as far as this.
+constexpr double kMostAheadRadii = 0.5;
 // Another one is due before the period is over when a tip has moved so far.
 constexpr double kFastRadii = 1.0 / 12.0;
 // So many follow as fast as they can after a tip was so fast that it moved as far in the shortest
@@ -38,12 +40,10 @@ constexpr int kHastySolves = 4;
 // and most of the way between them was along the normal.
 constexpr double kOtherForce = 0.05;
 constexpr double kAlongNormal = 0.7;
-// A solution is used from the next one on until the one after.
-constexpr double kPeriodsAhead = 2.0;
-// mofc_node may press on a point for so long after that was pressed here.
-constexpr double kHeldAges = 1.25;
-constexpr std::uint32_t kHeldPeriods = 3;
-constexpr double kSamePlace_m = 2e-4;
+// The velocity of a tip is that over at least so long, and unknown where it was not seen for
+// longer.
+constexpr double kShortestVelocity_s = 3.9e-3;
+constexpr double kLongestVelocity_s = 25e-3;
 
 /// Of the law, where nothing is known but the material.
 double stiffness_untouched(const ElasticBody& body) {
@@ -107,6 +107,7 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
       is_near ? own.side.view() : SurfaceView{.distance_m = tip_radius_m_ + reach_m};
   const Vector3 place_m = is_near ? own.side.place_m() : tip_m;
   const Vector3& friction = own.rubbing.force_on_tool_newton();
+  const Vector3 velocity = own.recent_velocity_m_per_s();
   own.tip.store({.x_m = tip_m.x(),
                  .y_m = tip_m.y(),
                  .z_m = tip_m.z(),
@@ -120,9 +121,24 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
                  .friction_x_newton = friction.x(),
                  .friction_y_newton = friction.y(),
                  .friction_z_newton = friction.z(),
+                 .x_m_per_s = velocity.x(),
+                 .y_m_per_s = velocity.y(),
+                 .z_m_per_s = velocity.z(),
                  .time_s = time_s,
                  .energised_s = own.energised_s,
                  .is_known = true});
+}
+
+/// Over a few of the last steps, of which a device's position may be coarse.
+Vector3 ElasticTissue::Tool::recent_velocity_m_per_s() const noexcept {
+  const Passed& now = passed[last_passed];
+  for (std::size_t i = 1; i < passed.size(); ++i) {
+    const Passed& then = passed[(last_passed + passed.size() - i) % passed.size()];
+    const double since_s = now.time_s - then.time_s;
+    if (!(since_s >= 0.0) || since_s > kLongestVelocity_s) break;
+    if (since_s >= kShortestVelocity_s) return (now.tip_m - then.tip_m) / since_s;
+  }
+  return Vector3::Zero();
 }
 
 /// The force of the condensed contact on the tip, which follows its way since the last call, or
@@ -130,7 +146,8 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
 Vector3 ElasticTissue::press(Tool& own, Prepared& prepared) const noexcept {
   const bool is_new = std::exchange(own.stepped, &prepared) != &prepared;
   const Vector3 from_m = is_new ? prepared.centre_m : own.stepped_m;
-  const double from_s = is_new ? prepared.time_s : own.stepped_s;
+  // one that looks ahead is never later than the last step
+  const double from_s = is_new ? std::min(prepared.time_s, own.time_s - own.step_s) : own.stepped_s;
   const Vector3 tip_m = prepared.reachable_m(own.tip_m);
   const double parts = (tip_m - from_m).norm() / (kStepRadii * tip_radius_m_);
   const int least = is_new ? kLeastCatchUpSteps : 1;
@@ -279,7 +296,7 @@ bool ElasticTissue::is_fast() const {
                                           [&](const auto& tool) { return is_fast(*tool); });
 }
 
-void ElasticTissue::solve(double step_s) {
+void ElasticTissue::solve(double step_s, double ahead_s) {
   hasty_solves_ = std::max(0, hasty_solves_ - 1);
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     const Tip tip = tools_[i]->tip.load();
@@ -297,7 +314,14 @@ void ElasticTissue::solve(double step_s) {
     tool.slow_time_s = tip.time_s;
     if (is_close(tip) && is_hasty(tool)) hasty_solves_ = kHastySolves;
     tool.slow_distance_m = tip.distance_m;
-    tips_[i] = {.tip_m = tip_m,
+    Vector3 ahead_m = Vector3::Zero();
+    tool.ahead_s = 0.0;
+    if (simulation_->touch(i).is_near && !gripper_) {
+      tool.ahead_s = ahead_s;
+      ahead_m = limited_to_norm(ahead_s * Vector3(tip.x_m_per_s, tip.y_m_per_s, tip.z_m_per_s),
+                                kMostAheadRadii * tip_radius_m_);
+    }
+    tips_[i] = {.tip_m = tip_m + ahead_m,
                 .place_m = {tip.place_x_m, tip.place_y_m, tip.place_z_m},
                 .friction_on_tool_newton = {tip.friction_x_newton, tip.friction_y_newton,
                                             tip.friction_z_newton}};
@@ -322,9 +346,11 @@ void ElasticTissue::solve(double step_s) {
   figures_.repaired = simulation_->repaired_steps();
   figures_.appeared = simulation_->appeared();
   for (std::size_t i = 0; i < tools_.size(); ++i) {
-    if (!simulation_->touch(i).is_near) continue;
+    const ElasticSimulation::Touch& touch = simulation_->touch(i);
+    const bool is_held = !touch.is_near && !touch.forces_on_body_newton.empty();
+    if (!tips_[i] || is_held) continue;
     try {  // an untouched body at rest is prepared once; what has failed, never
-      if (has_stepped || !tools_[i]->last) prepare(i, step_s);
+      if (touch.is_near && (has_stepped || !tools_[i]->last)) prepare(i, step_s);
       describe_patch(i, has_stepped);
     } catch (const std::runtime_error&) {  // the steps keep what they have
       ++without_compliance_;
@@ -371,7 +397,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.of = shared_;
   draft.contact.emplace(compliance(), 0.0, body_->contact_stiffness_pa_per_m);
   // not all the way into the body: a fast tip would be behind a thin one
-  Vector3 ahead_m = kAhead * step_s * tool.velocity_m_per_s;
+  Vector3 ahead_m = std::max(0.0, kAhead * step_s - tool.ahead_s) * tool.velocity_m_per_s;
   const double inward_m = -ahead_m.dot(tool.slow_normal);
   ahead_m += std::max(0.0, inward_m - kMostInwardRadii * tip_radius_m_) * tool.slow_normal;
   draft.patch_m = touch.centre_m + ahead_m;
@@ -403,7 +429,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
     }
   }
   draft.centre_m = touch.centre_m;
-  draft.time_s = tool.slow_time_s;
+  draft.time_s = tool.slow_time_s + tool.ahead_s;
   draft.waiting.setZero();
   if (touch.blocked_steps > 0) draft.waiting = touch.blocked_m.stableNormalized();
   draft.error = tool.error;
@@ -435,51 +461,6 @@ void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& t
   if (is_hasty(tool) && add_last()) return;
   contact.add_equilibrium(body_->points, body_->start_m, {});
   if (!is_hasty(tool)) add_last();
-}
-
-/// What mofc_node needs to go on from this solution itself.
-void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
-  Tool& tool = *tools_[index];
-  std::optional<PatchMaker>& maker = makers_[index];
-  const Ahead ahead = tool.ahead.load();
-  const ElasticSimulation::Touch& touch = simulation_->touch(index);
-  if (!ahead.is_wanted || !tips_[index] || touch.has_failed) return;
-  const Vector3& tip_m = tips_[index]->tip_m;
-  const bool is_elsewhere = (tip_m - tool.patch_tip_m).norm() > kSamePlace_m;
-  if (!has_stepped && !is_elsewhere && maker && maker->is_complete()) return;
-  if (!maker) maker.emplace(*body_, compliance(), tip_radius_m_);
-  const double ahead_s = ahead.age_s + kPeriodsAhead / body_->solve_rate_hz;
-  maker->update({.tip_m = tip_m,
-                 .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
-                 .normal = tool.slow_normal,
-                 .held_solutions =
-                     static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
-                     kHeldPeriods,
-                 .gap_m = tool.slow_distance_m},
-                touch, simulation_->x_m(), simulation_->v_m_per_s(), is_alone(index));
-  tool.patch_tip_m = tip_m;
-  tool.patch.draft() = maker->patch();
-  tool.is_patched = true;
-}
-
-bool ElasticTissue::is_alone(std::size_t tool) const {
-  for (std::size_t other = 0; other < tools_.size(); ++other) {
-    if (other != tool && !simulation_->touch(other).force_on_tool_newton.isZero(0.0)) return false;
-  }
-  return true;
-}
-
-/// How far the forces of the other tools raise a point along the normal.
-double ElasticTissue::surface_offset_by_other_tools_m(std::size_t tool, std::size_t nearest_point,
-                                                      const Vector3& normal) {
-  const elastic::SurfacePoint& at = body_->points[nearest_point];
-  double raised = 0.0;
-  for (std::size_t other = 0; other < tools_.size(); ++other) {
-    const std::vector<elastic::Vector3d>& forces = simulation_->touch(other).forces_on_body_newton;
-    if (other == tool || forces.empty()) continue;
-    raised += normal.dot(compliance().moved_m(at, body_->points, forces));
-  }
-  return raised;
 }
 
 void ElasticTissue::publish() {

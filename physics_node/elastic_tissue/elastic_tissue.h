@@ -122,8 +122,9 @@ class ElasticTissue {
 
   /// One full solution for where the tools are now. What the tools' steps may use of it is kept
   /// until publish().
-  /// @param step_s  since the last one, in [least_step_s(), longest_step_s()]
-  void solve(double step_s);
+  /// @param step_s   since the last one, in [least_step_s(), longest_step_s()]
+  /// @param ahead_s  ≥ 0, until it is used: it is that of where tips that touch will be by then
+  void solve(double step_s, double ahead_s = 0.0);
   /// At the body's solve rate.
   [[nodiscard]] double longest_step_s() const noexcept { return 1.0 / body_->solve_rate_hz; }
   /// Where a tip moves fast.
@@ -179,6 +180,9 @@ class ElasticTissue {
     double friction_x_newton = 0.0;  // on the tool
     double friction_y_newton = 0.0;
     double friction_z_newton = 0.0;
+    double x_m_per_s = 0.0;  // lately
+    double y_m_per_s = 0.0;
+    double z_m_per_s = 0.0;
     double time_s = 0.0;
     double energised_s = 0.0;  // near the body, so far
     bool is_known = false;
@@ -234,6 +238,7 @@ class ElasticTissue {
     };
     std::array<Passed, 64> passed{};
     std::size_t last_passed = 0;
+    [[nodiscard]] Vector3 recent_velocity_m_per_s() const noexcept;
     double reach_m = 0.0;
     TipSide side{};
     double stiffness_newton_per_m = 0.0;
@@ -256,6 +261,7 @@ class ElasticTissue {
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
     Vector3 slow_tip_m = Vector3::Zero();
     double slow_time_s = 0.0;
+    double ahead_s = 0.0;  // so much later than that is the last solution
     double slow_energised_s = 0.0;
     Vector3 velocity_m_per_s = Vector3::Zero();  // of the tip between the last two solutions
     elastic::VectorXd last_m;                    // the last solution

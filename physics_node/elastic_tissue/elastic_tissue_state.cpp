@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state of an elastic tissue: to continue from, to be shown, what of it is not kept, and what
-// jaws hold of it.
+// The state of an elastic tissue: to continue from, to be shown, what mofc_node gets of it, what of
+// it is not kept, and what jaws hold of it.
 #include <algorithm>
 #include <mutex>
 #include <stdexcept>
@@ -10,6 +10,16 @@
 #include "physics_node/elastic_tissue/elastic_tissue.h"
 
 namespace palpate::physics {
+namespace {
+
+// A solution is used from the next one on until the one after.
+constexpr double kPeriodsAhead = 2.0;
+// mofc_node may press on a point for so long after that was pressed here.
+constexpr double kHeldAges = 1.25;
+constexpr std::uint32_t kHeldPeriods = 3;
+constexpr double kSamePlace_m = 2e-4;
+
+}  // namespace
 
 void ElasticTissue::continue_as(const ElasticTissue& other) {
   if (ablation_) {
@@ -173,6 +183,55 @@ std::shared_ptr<const ElasticBody> ElasticTissue::take_surface(std::vector<float
   vertices_m = vertices_m_;
   strain = strain_;
   return shown_body_;
+}
+
+/// What mofc_node needs to go on from this solution itself.
+void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
+  Tool& tool = *tools_[index];
+  std::optional<PatchMaker>& maker = makers_[index];
+  const Ahead ahead = tool.ahead.load();
+  const ElasticSimulation::Touch& touch = simulation_->touch(index);
+  if (!ahead.is_wanted || !tips_[index] || touch.has_failed) return;
+  const Vector3& tip_m = tips_[index]->tip_m;
+  // a fast tip is there before all points are, unless they are sent while it is far away
+  ElasticSimulation::Touch free;
+  if (!touch.is_near) free.centre_m = tip_m;
+  const bool is_elsewhere = (tip_m - tool.patch_tip_m).norm() > kSamePlace_m;
+  if (!has_stepped && !is_elsewhere && maker && maker->is_complete()) return;
+  if (!maker) maker.emplace(*body_, compliance(), tip_radius_m_);
+  const double ahead_s = ahead.age_s + kPeriodsAhead / body_->solve_rate_hz;
+  maker->update({.tip_m = tip_m,
+                 .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
+                 .normal = tool.slow_normal,
+                 .held_solutions =
+                     static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
+                     kHeldPeriods,
+                 .gap_m = tool.slow_distance_m},
+                touch.is_near ? touch : free, simulation_->x_m(), simulation_->v_m_per_s(),
+                is_alone(index));
+  tool.patch_tip_m = tip_m;
+  tool.patch.draft() = maker->patch();
+  tool.is_patched = true;
+}
+
+bool ElasticTissue::is_alone(std::size_t tool) const {
+  for (std::size_t other = 0; other < tools_.size(); ++other) {
+    if (other != tool && !simulation_->touch(other).force_on_tool_newton.isZero(0.0)) return false;
+  }
+  return true;
+}
+
+/// How far the forces of the other tools raise a point along the normal.
+double ElasticTissue::surface_offset_by_other_tools_m(std::size_t tool, std::size_t nearest_point,
+                                                      const Vector3& normal) {
+  const elastic::SurfacePoint& at = body_->points[nearest_point];
+  double raised = 0.0;
+  for (std::size_t other = 0; other < tools_.size(); ++other) {
+    const std::vector<elastic::Vector3d>& forces = simulation_->touch(other).forces_on_body_newton;
+    if (other == tool || forces.empty()) continue;
+    raised += normal.dot(compliance().moved_m(at, body_->points, forces));
+  }
+  return raised;
 }
 
 }  // namespace palpate::physics

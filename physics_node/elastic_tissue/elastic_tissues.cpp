@@ -14,6 +14,10 @@
 namespace palpate::physics {
 namespace {
 
+// A fast tip is looked ahead for so much of the time that its solution takes: to about a step of
+// the tool before that is used.
+constexpr double kAheadShare = 0.8;
+
 /// Solves at the body's rate until stopped, and more often while a tip is fast. A solution that
 /// takes longer than its period delays the next one: the body's time then runs slower.
 void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
@@ -25,12 +29,16 @@ void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
   std::condition_variable_any stopped;
   std::unique_lock lock(mutex);
   Clock::time_point last = Clock::now() - ticks(tissue.longest_step_s());
+  Clock::duration solving{};  // took the last one
   while (!stop.stop_requested()) {
     const Clock::time_point begin = Clock::now();
-    tissue.solve(std::clamp(std::chrono::duration<double>(begin - last).count(),
-                            tissue.least_step_s(), tissue.longest_step_s()));
+    const double since_s = std::chrono::duration<double>(begin - last).count();
+    const double takes_s = std::chrono::duration<double>(solving).count();
+    tissue.solve(std::clamp(since_s, tissue.least_step_s(), tissue.longest_step_s()),
+                 tissue.is_fast() ? kAheadShare * std::min(takes_s, tissue.longest_step_s()) : 0.0);
     last = begin;
     tissue.publish();
+    solving = Clock::now() - begin;
     if (Clock::now() > begin + ticks(tissue.longest_step_s())) tissue.note_late();
     for (int part = 1; part <= ElasticTissue::kMostSolvesPerPeriod; ++part) {
       stopped.wait_until(lock, stop, begin + ticks(part * tissue.least_step_s()),
@@ -165,9 +173,11 @@ void ElasticTissues::solve_until(double time_s) {
     const double since_s = time_s - last_solve_s_[i];
     const bool is_fast = tissue.is_fast();
     if (since_s < longest_s - rounding_s && !is_fast) continue;
-    tissue.solve(std::clamp(since_s, tissue.least_step_s(), longest_s));
+    const double needs_s = is_fast ? tissue.least_step_s() : longest_s;
+    tissue.solve(std::clamp(since_s, tissue.least_step_s(), longest_s),
+                 is_fast ? kAheadShare * needs_s : 0.0);
     last_solve_s_[i] = time_s;
-    ready_s_[i] = time_s + (is_fast ? tissue.least_step_s() : longest_s);
+    ready_s_[i] = time_s + needs_s;
   }
 }
 

@@ -48,6 +48,7 @@ constexpr double kReach_m = 0.05;
 constexpr double kReferenceStep_s = 0.5e-3;
 // The tip starts so far above the surface, and waits there until there is a first solution.
 constexpr double kAbove_m = 0.004;
+constexpr double kFarAbove_m = 0.04;
 constexpr int kLeadTicks = 60;
 constexpr double kHold_s = 0.15;
 // A force below this part of the ideal one, where that is above the limit, is lost.
@@ -84,7 +85,9 @@ Vector3 first_touch_m(const ElasticBody& body, double radius_m, const Vector3& f
 
 class Paths {
  public:
-  explicit Paths(const std::filesystem::path& folder) : folder_(folder) {}
+  /// @param only  the paths whose name contains this text
+  Paths(const std::filesystem::path& folder, const std::string& only)
+      : folder_(folder), only_(only) {}
 
   [[nodiscard]] std::vector<Path> all() {
     const std::string sessions = test::source_dir() + "/deploy/sessions/";
@@ -101,6 +104,10 @@ class Paths {
           press("liver, " + name, scene_of(liver), on_liver, down, 1e-3 * mm, 1e-3 * mm_per_s);
         }
       }
+    }
+    for (const double mm_per_s : {100.0, 250.0, 400.0}) {
+      dip(fmt::format("block, 8 mm in and out at {:.0f} mm/s", mm_per_s), scene_of(block),
+          {0, 0, 0.05}, down, 8e-3, 1e-3 * mm_per_s);
     }
     for (const double mm_per_s : {50.0, 150.0, 300.0}) {
       for (const double friction : {0.0, 0.4}) {
@@ -182,6 +189,7 @@ class Paths {
 
   void press(const std::string& name, const SceneConfig& scene, const Vector3& from_m,
              const Vector3& way, double depth_m, double speed_m_per_s) {
+    if (!is_wanted(name)) return;
     const Vector3 touch_m =
         first_touch_m(*elastic_bodies_of(scene).front(), scene.tip_radius_m, from_m, way);
     const double seconds = 2.0 * (depth_m + kAbove_m) / speed_m_per_s + kHold_s;
@@ -190,9 +198,24 @@ class Paths {
                       }});
   }
 
+  /// Down from kFarAbove_m and up again, without a hold.
+  void dip(const std::string& name, const SceneConfig& scene, const Vector3& from_m,
+           const Vector3& way, double depth_m, double speed_m_per_s) {
+    if (!is_wanted(name)) return;
+    const Vector3 touch_m =
+        first_touch_m(*elastic_bodies_of(scene).front(), scene.tip_radius_m, from_m, way);
+    const double down_s = (kFarAbove_m + depth_m) / speed_m_per_s;
+    paths_.push_back({name, scene, down_s + (depth_m + kAbove_m) / speed_m_per_s, kLeadTicks,
+                      [=](double time_s) {
+                        const double down_m = depth_m - speed_m_per_s * std::abs(down_s - time_s);
+                        return Vector3(touch_m + down_m * way);
+                      }});
+  }
+
   /// Down and up twice, to kAbove_m above the surface.
   void taps(const std::string& name, const SceneConfig& scene, const Vector3& from_m,
             const Vector3& way, double depth_m, double speed_m_per_s) {
+    if (!is_wanted(name)) return;
     const Vector3 touch_m =
         first_touch_m(*elastic_bodies_of(scene).front(), scene.tip_radius_m, from_m, way);
     const double way_m = depth_m + kAbove_m;
@@ -207,6 +230,7 @@ class Paths {
   /// To and fro along x, or in a circle, at this depth below the untouched surface.
   void slide(const std::string& name, const SceneConfig& scene, const Vector3& middle_m,
              double half_m, double depth_m, double speed_m_per_s, bool is_circle) {
+    if (!is_wanted(name)) return;
     const std::shared_ptr<const ElasticBody> body = elastic_bodies_of(scene).front();
     constexpr double kDown_s = 0.15;
     const double turn_s = 2.0 * std::numbers::pi * half_m / speed_m_per_s;  // top speed
@@ -228,13 +252,19 @@ class Paths {
 
   void appear(const std::string& name, const SceneConfig& scene, const Vector3& from_m,
               const Vector3& way, double depth_m) {
+    if (!is_wanted(name)) return;
     const Vector3 touch_m =
         first_touch_m(*elastic_bodies_of(scene).front(), scene.tip_radius_m, from_m, way);
     paths_.push_back(
         {name, scene, 0.3, 0, [=](double /*time_s*/) { return Vector3(touch_m + depth_m * way); }});
   }
 
+  [[nodiscard]] bool is_wanted(const std::string& name) const {
+    return name.find(only_) != std::string::npos;
+  }
+
   std::filesystem::path folder_;
+  std::string only_;
   std::vector<Path> paths_;
 };
 
@@ -444,8 +474,7 @@ int main(int argc, char** argv) {
                  {"solve_ms", "solve ms", "{:.1f}"},
                  {"p99_us", "p99 us", "{:.0f}"},
                  {"kilobytes_per_s", "kB/s", "{:.0f}"}});
-    for (const Path& path : Paths(folder).all()) {
-      if (path.name.find(only) == std::string::npos) continue;
+    for (const Path& path : Paths(folder, only).all()) {
       const Forces ideal = kept_reference_of(path, kept);
       const Figures at = delay->count() > 0 ? run_delayed(path, ideal, network, trace_file)
                                             : run(path, ideal, folder, trace_file);

@@ -286,5 +286,48 @@ TEST_F(DelayedPress, OverSomethingHardKeepsItsForce) {
   EXPECT_LT(errors_of({.delay_ticks = 20}, 700, tip).rms, 0.2);
 }
 
+TEST_F(SentPatch, IsThereBeforeAFastTipComesNear) {
+  // it touches 85 ms later
+  const Vector3 far_m(0.0, 0.0, 0.04);
+  tissues_->describe_ahead(0, {0.0, 0.0, -0.4}, 0.0);
+
+  for (int tick = 0; tick < 200; ++tick) {
+    SceneForce force;
+    tissues_->step(0, far_m, kPatchTick_s * tick, 0.05, force);
+    EXPECT_TRUE(force.force_on_tool_newton.isZero(0.0));
+  }
+
+  const ElasticPatch* const patch = tissues_->tissues()[0]->patch(0);
+  ASSERT_NE(patch, nullptr);
+  EXPECT_EQ(patch->state.center_m, far_m);
+  EXPECT_TRUE(std::all_of(patch->slots.begin(), patch->slots.end(),
+                          [](const auto& slot) { return slot.point.version > 0; }));
+}
+
+TEST_F(SentPatch, IsOfWhereAFastTipWillBeWhenItIsUsed) {
+  ElasticTissue tissue(compliances_of(bodies_).front(), 1, kPatchBall_m);
+  constexpr double kSpeed_m_per_s = 0.25;
+  constexpr double kAhead_s = 0.004;
+  const auto tip_m = [](int tick) {
+    return Vector3(0.0, 0.0, 0.012 - kSpeed_m_per_s * kPatchTick_s * tick);
+  };
+  const auto solved_m = [&](int tick, double ahead_s) {
+    tissue.solve(tissue.least_step_s(), ahead_s);
+    tissue.publish();
+    return Vector3(tissue.patch(0)->state.center_m - tip_m(tick));
+  };
+  tissue.describe_ahead(0, {0.0, 0.0, -kSpeed_m_per_s}, 0.0);
+
+  for (int tick = 0; tick <= 30; ++tick) {
+    tissue.note(0, tip_m(tick), 0.05, kPatchTick_s * tick);
+    if (tick == 20) {
+      EXPECT_LT(solved_m(tick, 0.0).norm(), 1e-9);
+    }
+    if (tick == 25 || tick == 30) {  // before it touches, and in the body
+      EXPECT_NEAR(solved_m(tick, kAhead_s).z(), -kSpeed_m_per_s * kAhead_s, 1e-9);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace palpate::physics
