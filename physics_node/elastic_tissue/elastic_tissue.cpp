@@ -317,9 +317,11 @@ void ElasticTissue::solve(double step_s, double ahead_s) {
     Vector3 ahead_m = Vector3::Zero();
     tool.ahead_s = 0.0;
     if (simulation_->touch(i).is_near && !gripper_) {
-      tool.ahead_s = ahead_s;
-      ahead_m = limited_to_norm(ahead_s * Vector3(tip.x_m_per_s, tip.y_m_per_s, tip.z_m_per_s),
-                                kMostAheadRadii * tip_radius_m_);
+      const Vector3 velocity(tip.x_m_per_s, tip.y_m_per_s, tip.z_m_per_s);
+      const double radii = least_step_s() * velocity.norm() / tip_radius_m_;
+      // all of it for a tip that is twice as fast as a fast one
+      tool.ahead_s = std::clamp(radii / kFastRadii - 1.0, 0.0, 1.0) * ahead_s;
+      ahead_m = limited_to_norm(tool.ahead_s * velocity, kMostAheadRadii * tip_radius_m_);
     }
     tips_[i] = {.tip_m = tip_m + ahead_m,
                 .place_m = {tip.place_x_m, tip.place_y_m, tip.place_z_m},
