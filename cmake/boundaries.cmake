@@ -95,10 +95,12 @@ set(PALPATE_BOUNDARIES
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
   "physics_node/elastic:common/core,common/contact/elastic,physics_node/elastic/*,@threads"
+  "physics_node/elastic/contact:common/contact/surface.h,physics_node/elastic,physics_node/elastic/condensed"
   "physics_node/elastic/linear:common/contact/elastic/clones.h,physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/contact/tiles,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
-  "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/contact/elastic,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/condensed,physics_node/elastic/cut,physics_node/elastic/grip,physics_node/elastic_tissue/ablation,physics_node/elastic_tissue/blade,physics_node/elastic_tissue/needle,physics_node/elastic_tissue/patch,@threads"
+  "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/contact/elastic,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/condensed,physics_node/elastic/contact,physics_node/elastic/cut,physics_node/elastic/grip,physics_node/elastic_tissue/ablation,physics_node/elastic_tissue/blade,physics_node/elastic_tissue/needle,physics_node/elastic_tissue/patch,physics_node/elastic_tissue/touching,@threads"
+  "physics_node/elastic_tissue/touching:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files,physics_node/elastic,physics_node/elastic/contact,physics_node/elastic_tissue"
   "physics_node/elastic_tissue/patch:common/core,common/core/elastic,physics_node/elastic,physics_node/elastic/condensed,physics_node/elastic_tissue"
   "physics_node/elastic_tissue/needle:common/core,common/session/scene_config.h,physics_node/elastic_tissue"
   "physics_node/elastic_tissue/ablation:common/core,common/session/scene_config.h,physics_node/elastic,physics_node/elastic/attached,physics_node/elastic/cut,physics_node/elastic_tissue,physics_node/elastic_tissue/patch,@threads"

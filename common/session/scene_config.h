@@ -80,6 +80,11 @@ struct ElasticMaterial {
     double stiffness_pa_per_m = 0.0;
     double toughness_joule_per_m2 = 0.0;  ///< 0: they do not tear
   };
+  /// Another tissue of the scene, whose surface it cannot go through.
+  struct Touches {
+    std::size_t tissue = 0;  ///< index in the scene
+    double friction_coefficient = 0.0;
+  };
   /// One spring and dashpot in series of the relaxing part of the modulus (Prony).
   struct Branch {
     double share = 0.0;  ///< of the modulus at once, in (0, 1)
@@ -99,6 +104,7 @@ struct ElasticMaterial {
   Vector3 scan_gravity_m_per_s2 = Vector3::Zero();  ///< under which the mesh has its shape
   std::vector<RegionGeometry> fixed{};              ///< nodes in any of these are held
   std::vector<Attached> attached{};                 ///< outside `fixed`
+  std::vector<Touches> touches{};
   std::vector<Part> parts{};  ///< the last one that contains an element's centroid counts
   double solve_rate_hz = 50.0;
   bool is_linear = false;  ///< elements as in the file; else made quadratic

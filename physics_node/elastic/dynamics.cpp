@@ -12,6 +12,8 @@ namespace {
 // nothing touched it.
 constexpr int kQuietSteps = 50;
 constexpr double kQuiet_m_per_s = 1e-6;
+// Or, where it lies on something, in which no node has moved farther than this altogether.
+constexpr double kQuiet_m = 1e-5;
 // A body that rests this near to its undeformed shape is not tangled.
 constexpr double kTangled_m = 1e-3;
 // A part of a step becomes longer when it could have been twice as long for so many parts.
@@ -38,7 +40,8 @@ Dynamics::Dynamics(const Body& body, const DynamicsSettings& settings)
       search_(body),
       factor_(std::make_unique<WarpedFactor>(body, Precision::kFloat, settings.is_folded)),
       x_(body.rest_m()),
-      relaxation_(body.description().branches, body.rest_m().size()) {
+      relaxation_(body.description().branches, body.rest_m().size()),
+      start_relaxation_(relaxation_) {
   if (relaxation_.is_there()) spring_newton_ = spring_change_newton_ = VectorXd::Zero(x_.size());
   v_ = VectorXd::Zero(x_.size());
   acceleration_ = v_;
@@ -90,6 +93,7 @@ void Dynamics::continue_as(const Dynamics& other) {
   is_energy_known_ = other.is_energy_known_;
   is_asleep_ = other.is_asleep_;
   quiet_steps_ = other.quiet_steps_;
+  quiet_m_ = other.quiet_m_;
   substeps_ = other.substeps_;
   coarse_steps_ = other.coarse_steps_;
   acceleration_change_m_per_s2_ = other.acceleration_change_m_per_s2_;
@@ -194,7 +198,7 @@ SearchReport Dynamics::balance(double h_s, Obstacle* obstacle) {
 StepReport Dynamics::step(double dt_s, Obstacle* obstacle) {
   ++counters_.steps;
   StepReport report;
-  if (is_asleep_ && obstacle == nullptr) {
+  if (is_asleep_ && (obstacle == nullptr || obstacle->is_still())) {
     ++counters_.skipped;
     report.search.is_converged = true;
     report.elastic_joule = energy_joule_;
@@ -210,6 +214,21 @@ StepReport Dynamics::step(double dt_s, Obstacle* obstacle) {
     choose_substeps(h);
   }
   return report;
+}
+
+// What inertia alone does not explain is the acceleration that was found, so that the search begins
+// where the last one ended.
+StepReport Dynamics::step_again(double dt_s, Obstacle* obstacle) {
+  x_ = start_;
+  v_ = inertial_;
+  if (relaxation_.is_there()) {
+    relaxation_ = start_relaxation_;
+    is_spring_known_ = false;
+  }
+  quiet_steps_ = start_quiet_steps_;
+  is_asleep_ = false;
+  is_energy_known_ = false;
+  return single_step(dt_s, obstacle);
 }
 
 void Dynamics::choose_substeps(double h_s) {
@@ -237,6 +256,8 @@ StepReport Dynamics::single_step(double dt_s, Obstacle* obstacle) {
     is_energy_known_ = true;
   }
   start_ = x_;
+  start_quiet_steps_ = quiet_steps_;
+  if (relaxation_.is_there()) start_relaxation_ = relaxation_;
   if (!is_spring_known_) read_springs();
   remember(search_.batches(), x_.data());
 
@@ -307,12 +328,12 @@ StepReport Dynamics::single_step(double dt_s, Obstacle* obstacle) {
         report.search.is_factor_stale || !is_same(goal.shift(), factor_->shift());
     if (report.is_factor_due) ask_for_factor(goal.shift(), nullptr);
   }
-  if (obstacle == nullptr) {
-    watch_for_rest(report, dt_s);
+  if (obstacle == nullptr || obstacle->is_still()) {
+    watch_for_rest(report, dt_s, obstacle != nullptr);
   } else {
     quiet_steps_ = 0;
-    is_energy_known_ = false;
   }
+  if (obstacle != nullptr) is_energy_known_ = false;
   return report;
 }
 
@@ -339,17 +360,23 @@ bool Dynamics::reset_if_inverted_at_rest(double energy_joule) {
   return true;
 }
 
-void Dynamics::watch_for_rest(const StepReport& report, double dt_s) {
+void Dynamics::watch_for_rest(const StepReport& report, double dt_s, bool is_held_off) {
   const double fastest = v_.cwiseAbs().maxCoeff();
-  const bool is_quiet = report.search.is_converged && fastest < kQuiet_m_per_s &&
-                        dt_s * acceleration_.cwiseAbs().maxCoeff() < kQuiet_m_per_s;
+  bool is_quiet = report.search.is_converged && fastest < kQuiet_m_per_s &&
+                  dt_s * acceleration_.cwiseAbs().maxCoeff() < kQuiet_m_per_s;
+  if (is_held_off) {
+    // nodes that hardly press come and go by the tolerance of the search
+    is_quiet = report.search.is_converged && quiet_m_.size() == x_.size() &&
+               (x_ - quiet_m_).cwiseAbs().maxCoeff() < kQuiet_m;
+    if (!is_quiet) quiet_m_ = x_;
+  }
   quiet_steps_ = is_quiet ? quiet_steps_ + 1 : 0;
   if (quiet_steps_ < kQuietSteps) return;
   if (relaxation_.is_there()) {
     if (relaxation_.creep_m().cwiseAbs().maxCoeff() > kRelaxed_m) return;
     relaxation_.forget();
   }
-  if (reset_if_inverted_at_rest(report.energy_joule())) return;
+  if (!is_held_off && reset_if_inverted_at_rest(report.energy_joule())) return;
   is_asleep_ = true;
   v_.setZero();
   acceleration_.setZero();

@@ -88,6 +88,14 @@ class Dynamics {
   /// @param dt_s > 0   @param obstacle  may be null
   StepReport step(double dt_s, Obstacle* obstacle = nullptr);
 
+  /// The last step once more, under another obstacle: from where it began, searched from where it
+  /// ended. @pre  is_exact, the last step was of this length, not divided and not skipped, and
+  /// nothing else was called since
+  StepReport step_again(double dt_s, Obstacle* obstacle);
+
+  /// A body that sleeps makes the next step; it sleeps again at once if nothing moves it.
+  void wake() noexcept { is_asleep_ = false; }
+
   [[nodiscard]] const VectorXd& x_m() const noexcept { return x_; }
   [[nodiscard]] const VectorXd& v_m_per_s() const noexcept { return v_; }
   /// In the last step; zero after set_state().
@@ -115,7 +123,7 @@ class Dynamics {
   void work(const std::stop_token& stop);
   [[nodiscard]] double kinetic_joule(const VectorXd& v_m_per_s) const;
   [[nodiscard]] bool reset_if_inverted_at_rest(double energy_joule);
-  void watch_for_rest(const StepReport& report, double dt_s);
+  void watch_for_rest(const StepReport& report, double dt_s, bool is_held_off);
 
   const Body& body_;
   DynamicsSettings settings_;
@@ -129,6 +137,9 @@ class Dynamics {
   VectorXd found_;     // positions where the forces balance
   VectorXd next_;
   Relaxation relaxation_;
+  // at the start of the step, for step_again(); its velocity is in inertial_
+  Relaxation start_relaxation_;
+  int start_quiet_steps_ = 0;
   VectorXd spring_newton_;  // of the springs alone where the body is, as a gradient
   VectorXd spring_change_newton_;
   bool is_spring_known_ = false;
@@ -136,6 +147,7 @@ class Dynamics {
   bool is_energy_known_ = false;
   bool is_asleep_ = false;
   int quiet_steps_ = 0;
+  VectorXd quiet_m_;  // where those began, of a body that lies on something
   int substeps_ = 1;
   int coarse_steps_ = 0;  // in which half as many would have done
   double acceleration_change_m_per_s2_ = 0.0;

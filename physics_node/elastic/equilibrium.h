@@ -63,6 +63,7 @@ class EquilibriumSearch {
  public:
   explicit EquilibriumSearch(const Body& body);
 
+  [[nodiscard]] const Body& body() const noexcept { return *body_; }
   [[nodiscard]] ElementBatches& batches() noexcept { return batches_; }
   [[nodiscard]] std::vector<double>& rotations() noexcept { return rotations_; }
   void update_rotations(const VectorXd& x_m);

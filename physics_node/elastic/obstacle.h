@@ -25,6 +25,8 @@ class Obstacle {
   /// Where a search ended: whether it shall go on from there, because the potential is another now
   /// (an augmented Lagrangian whose multipliers have changed).
   virtual bool begin_round(const double* /*x_m*/, const BlockPattern& /*pattern*/) { return false; }
+  /// It acts as in the step before, so that a body that has come to rest under it may sleep.
+  [[nodiscard]] virtual bool is_still() const { return false; }
   /// No node moves further in one iteration of a search, so that none jumps across the obstacle.
   [[nodiscard]] virtual double longest_correction_m() const {
     return std::numeric_limits<double>::infinity();

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -20,6 +19,7 @@
 #include "physics_node/elastic/support.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/mesh_place.h"
+#include "physics_node/elastic_tissue/touching/neighbors.h"
 #include "physics_node/elastic_tissue/unloaded.h"
 #include "physics_node/files/surface_files.h"
 #include "physics_node/surfaces/triangle_surface.h"
@@ -278,11 +278,12 @@ std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription descripti
   }
   const bool has_start = start_m.size() > 0;
   made.start_m = has_start ? start_m : made.body->rest_m();
-  if (made.body->load_newton().size() > 0 || has_start) {
+  made.resting.emplace(*made.body, made.faces, made.rigid);
+  if (made.body->load_newton().size() > 0 || has_start || !made.rigid.empty()) {
     elastic::EquilibriumSearch search(*made.body);
     elastic::WarpedFactor factor(*made.body, elastic::Precision::kDouble);
     const elastic::SearchReport report = elastic::find_rest(
-        search, factor, nullptr,
+        search, factor, *made.resting,
         {.tolerance_m = kRestTolerance_m, .most_iterations = 1000, .slow_iterations = 8},
         made.start_m);
     if (!report.is_converged || !report.is_finite) {
@@ -327,7 +328,8 @@ double hertz_slope_newton_per_m(const elastic::Material& material, double tip_ra
 }
 
 std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
-                                                     std::uint32_t index, double tip_radius_m) {
+                                                     std::uint32_t index, double tip_radius_m,
+                                                     Neighbors neighbors) {
   const auto& geometry = std::get<FileGeometry>(tissue.geometry);
   const auto& material = std::get<ElasticMaterial>(tissue.material);
   const std::string name = geometry.file + ": as the elastic body \"" + tissue.name + "\": ";
@@ -401,6 +403,9 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   made->prompt_ratio =
       1.0 / (1.0 + elastic::stiffening_of(description.branches, 1.0 / material.solve_rate_hz));
   if (unloaded) made->scan_error_m = unloaded->away_m;
+  made->rigid = std::move(neighbors.rigid);
+  made->touches = std::move(neighbors.elastic);
+  check_outside(description.mesh, made->rigid, name);
   complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), name,
            *made);
   if (elastic::Tearing tearing(*made->body); tearing.note(made->start_m.data())) {
@@ -426,6 +431,8 @@ RemadeBody remade_elastic_body(const ElasticBody& like, elastic::BodyDescription
   made->solve_rate_hz = like.solve_rate_hz;
   made->viscosity_s = like.viscosity_s;
   made->prompt_ratio = like.prompt_ratio;
+  made->rigid = like.rigid;
+  made->touches = like.touches;
   auto at_rest = complete(std::move(description), start_m, "", *made, before, old_nodes);
   return {.body = std::move(made), .at_rest = std::move(at_rest)};
 }
@@ -434,8 +441,21 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
   std::vector<std::shared_ptr<const ElasticBody>> bodies;
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     if (!std::holds_alternative<ElasticMaterial>(scene.tissues[i].material)) continue;
-    bodies.push_back(
-        make_elastic_body(scene.tissues[i], static_cast<std::uint32_t>(i), scene.tip_radius_m));
+    bodies.push_back(make_elastic_body(scene.tissues[i], static_cast<std::uint32_t>(i),
+                                       scene.tip_radius_m, neighbors_of(scene, scene.tissues[i])));
+  }
+  for (const auto& body : bodies) {
+    for (const auto& other : bodies) {
+      if (std::find(body->touches.begin(), body->touches.end(), other->tissue) ==
+          body->touches.end()) {
+        continue;
+      }
+      const std::string name = "the elastic body \"" + scene.tissues[body->tissue].name + "\": ";
+      check_outside(body->body->mesh(),
+                    {{.name = scene.tissues[other->tissue].name,
+                      .surface = std::make_shared<const Shape>(other->shape)}},
+                    name);
+    }
   }
   return bodies;
 }
@@ -452,49 +472,6 @@ std::vector<std::array<std::uint32_t, 3>> triangles_of(const elastic::Mesh& mesh
     }
   }
   return triangles;
-}
-
-std::string mesh_report(const ElasticBody& body) {
-  const elastic::MeshQuality quality = elastic::quality_of(body.body->mesh());
-  const std::vector<std::uint8_t>& regions = body.body->mesh().regions;
-  const auto in_parts =
-      std::count_if(regions.begin(), regions.end(), [](std::uint8_t region) { return region > 0; });
-  const std::vector<elastic::Attachment>& attachments = body.body->description().attachments;
-  char attached[90] = "";  // NOLINT: for snprintf
-  if (!attachments.empty()) {
-    double newton_per_m = 0.0;
-    std::size_t tearing = 0;
-    for (const elastic::Attachment& one : attachments) {
-      newton_per_m += one.stiffness_newton_per_m;
-      tearing += one.tears() ? 1U : 0U;
-    }
-    std::snprintf(attached, sizeof attached, ", %zu attached with %.3g N/m", attachments.size(),
-                  newton_per_m);
-    if (tearing > 0) {
-      const std::size_t end = std::strlen(attached);
-      std::snprintf(attached + end, sizeof attached - end, ", %zu of them may tear", tearing);
-    }
-  }
-  char text[400];  // NOLINT: for snprintf
-  std::snprintf(
-      text, sizeof text,
-      "elastic: %zu tetrahedra, %zu nodes (%zu fixed%s), %td tetrahedra in parts; least "
-      "quality %.2f, %zu slivers; edges %.2g to %.2g mm; %zu contact points; sags %.2g mm",
-      quality.elements, quality.nodes, body.body->description().fixed_nodes.size(), attached,
-      in_parts, quality.least_quality, quality.slivers, 1e3 * quality.shortest_edge_m,
-      1e3 * quality.longest_edge_m, body.points.size(), 1e3 * body.sag_m);
-  std::string report = text;
-  if (body.scan_error_m >= 0.0) {
-    char more[100];  // NOLINT: for snprintf
-    std::snprintf(more, sizeof more, "; has the shape of the scan within %.2g mm under its gravity",
-                  1e3 * body.scan_error_m);
-    report += more;
-  }
-  if (quality.is_scale_doubtful()) {
-    report += "; WARNING: extends over " + std::to_string(quality.extent_m) +
-              " m, which no organ does: check unit_m";
-  }
-  return report;
 }
 
 }  // namespace palpate::physics

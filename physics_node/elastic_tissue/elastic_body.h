@@ -16,7 +16,9 @@
 #include "common/session/scene_config.h"
 #include "physics_node/elastic/body.h"
 #include "physics_node/elastic/condensed/slow_modes.h"
+#include "physics_node/elastic/contact/rigid_contact.h"
 #include "physics_node/elastic/sphere_contact.h"
+#include "physics_node/elastic_tissue/touching/neighbors.h"
 #include "physics_node/surfaces/shape.h"
 
 namespace palpate::physics {
@@ -68,6 +70,9 @@ struct ElasticBody {
   /// Of the compliance at rest, what gives way within a period of full solutions: the rest creeps.
   double prompt_ratio = 1.0;
   std::optional<ElasticMaterial::Pierced> pierced = {};
+  std::vector<elastic::RigidNeighbor> rigid = {};     ///< that it cannot go through
+  std::optional<elastic::RigidContact> resting = {};  ///< how it lies on them at start_m
+  std::vector<std::uint32_t> touches = {};            ///< elastic tissues, by index in the scene
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 
   [[nodiscard]] bool can_tear() const noexcept {
@@ -90,11 +95,13 @@ struct ElasticBody {
 
 /// Reads the mesh and finds the rest position under gravity. Takes up to seconds.
 /// @param tip_radius_m  > 0
+/// @param neighbors  what it touches
 /// @throws SetupError  if the file or the body cannot be used: inverted elements, nothing
-///     that holds it, no rest position
+///     that holds it, no rest position, inside of what is rigid
 [[nodiscard]] std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                                                                    std::uint32_t index,
-                                                                   double tip_radius_m);
+                                                                   double tip_radius_m,
+                                                                   Neighbors neighbors = {});
 
 /// A body like this one, of another description: fewer elements, other materials. Takes up to
 /// seconds.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <span>
 #include <utility>
 
 #include "common/contact/contact_model.h"
@@ -34,6 +35,14 @@ ElasticReference::ElasticReference(std::vector<std::shared_ptr<const ElasticBody
       one.ablation =
           std::make_unique<Ablation>(one.compliance, electrode, tip_radius_m, 1, false, can_be_cut);
     }
+  }
+  std::vector<const ElasticBody*> all;
+  for (const auto& body : whole_) all.push_back(body.get());
+  members_ = Island::of(all);
+  for (const std::vector<std::size_t>& members : members_) {
+    std::vector<const ElasticBody*> own;
+    for (const std::size_t i : members) own.push_back(all[i]);
+    islands_.emplace_back(own);
   }
 }
 
@@ -82,7 +91,11 @@ void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& 
     if (gripper_ && !gripper_->is_needle()) close(tip_m, is_closed);
     for (One& one : bodies_) {
       if (one.ablation) change_body(one);
-      step(one, tip_m, time_s);
+      prepare(one, tip_m, time_s);
+    }
+    step();
+    for (One& one : bodies_) {
+      read(one, tip_m);
       if (one.ablation && is_energised)
         one.ablation->heat(0, one.simulation->x_m(), tip_m, step_s_);
     }
@@ -98,8 +111,25 @@ void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& 
   }
 }
 
-void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const {
-  std::array<std::optional<TipState>, 1> tips;
+void ElasticReference::step() {
+  for (std::size_t i = 0; i < islands_.size(); ++i) {
+    std::vector<ElasticSimulation*> bodies;
+    std::vector<std::span<const std::optional<TipState>>> tips;
+    for (const std::size_t member : members_[i]) {
+      bodies.push_back(bodies_[member].simulation.get());
+      tips.emplace_back(bodies_[member].tips);
+    }
+    if (bodies.size() == 1) {
+      bodies[0]->step(tips[0]);
+    } else {
+      islands_[i].step(bodies, tips, {});
+    }
+  }
+}
+
+void ElasticReference::prepare(One& one, const Vector3& tip_m, double time_s) const {
+  std::array<std::optional<TipState>, 1>& tips = one.tips;
+  tips[0].reset();
   const ElasticBody& body = *one.body;
   if (one.side.follow(body.shape, body.bounds, tip_radius_m_, kReach_m, tip_m, time_s)) {
     tips[0] = {.tip_m = tip_m,
@@ -117,7 +147,10 @@ void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const
       one.held.set_edge(edge);
     }
   }
-  one.simulation->step(tips);
+}
+
+void ElasticReference::read(One& one, const Vector3& tip_m) const {
+  const ElasticBody& body = *one.body;
   if (one.held.model().is_holding()) return hold(one, tip_m);
   one.full_newton = one.simulation->touch(0).force_on_tool_newton;
   one.contact = {};

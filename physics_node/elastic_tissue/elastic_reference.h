@@ -3,6 +3,8 @@
 // full solution at every step, for comparison.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -15,6 +17,7 @@
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 #include "physics_node/elastic_tissue/jaw.h"
 #include "physics_node/elastic_tissue/needle/piercing.h"
+#include "physics_node/elastic_tissue/touching/touching_bodies.h"
 #include "physics_node/scene/scene_force.h"
 
 namespace palpate::physics {
@@ -66,9 +69,12 @@ class ElasticReference {
     Piercing piercing{};
     std::uint32_t punctures = 0;
     BladeSweep sweep{};
+    std::array<std::optional<TipState>, 1> tips{};  // of this step
   };
   [[nodiscard]] Vector3 force_at(const One& one, const Vector3& tip_m) const noexcept;
-  void step(One& one, const Vector3& tip_m, double time_s) const;
+  void prepare(One& one, const Vector3& tip_m, double time_s) const;
+  void step();
+  void read(One& one, const Vector3& tip_m) const;
   void close(const Vector3& tip_m, bool is_closed);
   void hold(One& one, const Vector3& tip_m) const;
   void pierce(One& one) const;
@@ -82,6 +88,8 @@ class ElasticReference {
   bool is_closed_ = false;
   std::uint32_t closings_ = 0;
   std::vector<One> bodies_;
+  std::vector<std::vector<std::size_t>> members_;  // of each island
+  std::vector<Island> islands_;
   Vector3 tip_m_ = Vector3::Zero();  // of the last step
 };
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -53,6 +52,8 @@ double ElasticSimulation::Tips::add_gradient(const double* x_m, double* gradient
   }
   for (const elastic::HeldPoints& one : held) sum += one.add_gradient(x_m, gradient);
   sum += tearing.add_gradient(x_m, gradient);
+  sum += rigid.add_gradient(x_m, gradient);
+  for (const elastic::ContactPlane& one : neighbors) sum += one.add_gradient(x_m, gradient);
   for (const auto& [node, newton] : rubbed_newton) {
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t at = 3 * std::size_t{node} + i;
@@ -70,6 +71,8 @@ void ElasticSimulation::Tips::add_stiffness(const double* x_m, const elastic::Bl
   }
   for (const elastic::HeldPoints& one : held) one.add_stiffness(pattern, values);
   tearing.add_stiffness(x_m, pattern, values);
+  rigid.add_stiffness(x_m, pattern, values);
+  for (const elastic::ContactPlane& one : neighbors) one.add_stiffness(x_m, pattern, values);
 }
 
 void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
@@ -80,6 +83,8 @@ void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
   }
   for (const elastic::HeldPoints& one : held) one.add_stiffness(pattern, values);
   tearing.add_stiffness(x_m, pattern, values);
+  rigid.add_stiffness(x_m, pattern, values);
+  for (const elastic::ContactPlane& one : neighbors) one.add_stiffness(x_m, pattern, values);
 }
 
 double ElasticSimulation::Tips::longest_correction_m() const {
@@ -91,14 +96,15 @@ double ElasticSimulation::Tips::longest_correction_m() const {
 }
 
 bool ElasticSimulation::Tips::begin_round(const double* x_m, const elastic::BlockPattern& pattern) {
-  bool is_begun = false;
+  bool is_begun = rigid.begin_round(x_m, pattern);
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     if (is_near[i] != 0) is_begun = contacts[i].begin_round(x_m, pattern) || is_begun;
   }
   return is_begun;
 }
 
-bool ElasticSimulation::Tips::is_idle() const {
+/// But for what the body lies on.
+bool ElasticSimulation::Tips::is_still() const {
   return std::all_of(is_near.begin(), is_near.end(), [](char near) { return near == 0; }) &&
          std::all_of(held.begin(), held.end(), [](const auto& one) { return one.is_empty(); }) &&
          tearing.is_idle();
@@ -111,11 +117,12 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
       step_s_(step_s),
       this_step_s_(step_s),
       dynamics_(*body.body, settings(is_folded)),
-      tips_(*body.body),
+      tips_(body),
       touches_(tools),
       last_tips_(tools),
       triangles_(triangles_of(body)),
-      before_relaxed_(dynamics_.relaxation()) {
+      before_relaxed_(dynamics_.relaxation()),
+      before_rigid_(tips_.rigid) {
   for (std::size_t i = 0; i < tools; ++i) {
     tips_.contacts.emplace_back(body.points, body.contact_stiffness_pa_per_m,
                                 &body.body->pattern());
@@ -251,6 +258,7 @@ bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips,
     }
     has_stepped = step_part(part_tips_) || has_stepped;
   }
+  can_step_again_ = can_step_again_ && parts == 1;
   last_tips_.assign(touches_.size(), std::nullopt);
   std::copy(tips.begin(), tips.end(), last_tips_.begin());
   return has_stepped;
@@ -293,14 +301,18 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
     touch.force_on_tool_newton.setZero();
     touch.forces_on_body_newton.clear();
   }
-  if (tips_.is_idle() && dynamics_.is_asleep()) {
+  can_step_again_ = false;
+  if (is_neighbor_moving_) dynamics_.wake();
+  if (tips_.is_still() && dynamics_.is_asleep()) {
     static_cast<void>(dynamics_.step(this_step_s_));
     return false;
   }
   before_m_ = dynamics_.x_m();
   before_relaxed_ = dynamics_.relaxation();
+  before_rigid_ = tips_.rigid;
   if (must_settle ? settle() : step_once()) {
     failed_in_a_row_ = 0;
+    can_step_again_ = !must_settle;
     return true;
   }
   ++failed_steps_;
@@ -329,6 +341,7 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
     ++failed_in_a_row_;
     set_body(before_m_, before_relaxed_);
     tips_.contacts = contacts_before;
+    tips_.rigid = before_rigid_;
     for (const std::size_t i : there) {
       Touch& touch = touches_[i];
       touch.centre_m = touches_before[i].centre_m;
@@ -343,6 +356,7 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
       // as it was, with the forces of then
       set_body(before_m_, before_relaxed_);
       tips_.contacts = contacts_before;
+      tips_.rigid = before_rigid_;
       for (const std::size_t i : there) {
         touches_[i].has_failed = false;
         touches_[i].force_on_tool_newton = touches_before[i].force_on_tool_newton;
@@ -360,11 +374,13 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
 void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tips,
                                     const std::vector<std::size_t>& there) {
   set_body(body_.start_m, relaxed());
+  tips_.rigid = *body_.resting;
   for (const std::size_t i : there) touches_[i].is_near = false;
   bool are_there = false;
   for (int step = 0; step < kMostRepairSteps && !are_there; ++step) {
     before_m_ = dynamics_.x_m();
     before_relaxed_ = dynamics_.relaxation();
+    before_rigid_ = tips_.rigid;
     const std::vector<Touch> touches_before = touches_;
     const std::vector<elastic::SphereContact> contacts_before = tips_.contacts;
     are_there = true;
@@ -376,6 +392,7 @@ void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tip
     if (step_once()) continue;
     set_body(before_m_, before_relaxed_);
     tips_.contacts = contacts_before;
+    tips_.rigid = before_rigid_;
     touches_ = touches_before;
     for (const std::size_t i : there) {
       touches_[i].blocked_steps = kBlockedSteps;
@@ -409,9 +426,19 @@ bool ElasticSimulation::settle() {
 }
 
 /// A step with the spheres where they are. False: it has failed.
-bool ElasticSimulation::step_once() {
-  report_ = dynamics_.step(this_step_s_, tips_.is_idle() ? nullptr : &tips_);
-  bool has_failed = false;
+bool ElasticSimulation::step_once(bool is_again) {
+  if (tips_.rigid.is_there() && !is_again) {
+    tips_.rigid.begin_step(dynamics_.x_m().data(), dynamics_.v_m_per_s().data(), this_step_s_);
+  }
+  elastic::Obstacle* const obstacle = tips_.is_idle() ? nullptr : &tips_;
+  report_ = is_again ? dynamics_.step_again(this_step_s_, obstacle)
+                     : dynamics_.step(this_step_s_, obstacle);
+  // between a sphere and bone, or between bodies, there may be no room left for the elements
+  const bool may_be_squeezed =
+      !tips_.neighbors.empty() || (tips_.rigid.is_there() && !tips_.is_still());
+  const bool is_squeezed = may_be_squeezed && body_.body->has_inverted_element(dynamics_.x_m()) &&
+                           !body_.body->has_inverted_element(before_m_);
+  bool has_failed = is_squeezed;
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
     touch.has_failed = false;
@@ -425,13 +452,14 @@ bool ElasticSimulation::step_once() {
     if (!touch.is_near) continue;
     elastic::SphereContact& contact = tips_.contacts[i];
     contact.update_multipliers(dynamics_.x_m().data(), body_.body->pattern());
-    touch.has_failed = is_wrong(i);
+    touch.has_failed = is_wrong(i) || (has_failed && tips_.is_near[i] != 0);
     has_failed = has_failed || touch.has_failed;
     if (touch.has_failed || tips_.is_near[i] == 0) continue;
     touch.force_on_tool_newton = contact.force_on_sphere_newton();
     touch.forces_on_body_newton = contact.forces_on_body_newton();
   }
   report_.search.is_converged = report_.search.is_converged && !has_failed;
+  if (tips_.rigid.is_there()) tips_.rigid.end_step(dynamics_.x_m().data());
   if (!has_failed) has_torn_ = tips_.tearing.note(dynamics_.x_m().data()) || has_torn_;
   return !has_failed;
 }
@@ -439,38 +467,6 @@ bool ElasticSimulation::step_once() {
 /// The surface holds the sphere on the wrong side.
 bool ElasticSimulation::is_wrong(std::size_t tool) const {
   return tips_.contacts[tool].facing() < kLeastFacing || is_inside(touches_[tool].centre_m);
-}
-
-void ElasticSimulation::shown_strain(std::vector<float>& strain) const {
-  const elastic::Mesh& mesh = body_.body->mesh();
-  const elastic::VectorXd& x = dynamics_.x_m();
-  std::vector<double> sum(mesh.nodes_m.size(), 0.0);
-  std::vector<double> weight(mesh.nodes_m.size(), 0.0);
-  for (std::size_t e = 0; e < mesh.element_count(); ++e) {
-    const auto nodes = mesh.element(e);
-    Eigen::Matrix3d rest;
-    Eigen::Matrix3d now;
-    for (Eigen::Index k = 0; k < 3; ++k) {
-      const std::uint32_t corner = nodes[static_cast<std::size_t>(k) + 1];
-      rest.col(k) = mesh.nodes_m[corner] - mesh.nodes_m[nodes[0]];
-      now.col(k) =
-          x.segment<3>(3 * Eigen::Index{corner}) - x.segment<3>(3 * Eigen::Index{nodes[0]});
-    }
-    const Eigen::Matrix3d F = now * rest.inverse();
-    Eigen::Matrix3d E = 0.5 * (F.transpose() * F - Eigen::Matrix3d::Identity());
-    E.diagonal().array() -= E.trace() / 3.0;
-    const double equivalent = std::sqrt(2.0 / 3.0 * E.squaredNorm());
-    const double volume = rest.determinant();
-    for (const std::uint32_t node : nodes) {
-      sum[node] += volume * equivalent;
-      weight[node] += volume;
-    }
-  }
-  strain.clear();
-  for (const std::uint32_t node : body_.shown_nodes) {
-    const double mean = sum[node] / weight[node];
-    strain.push_back(std::isfinite(mean) ? static_cast<float>(std::min(mean, 1e6)) : 0.0F);
-  }
 }
 
 }  // namespace palpate::physics

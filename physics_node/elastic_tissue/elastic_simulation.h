@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "physics_node/elastic/attached/tearing.h"
+#include "physics_node/elastic/contact/rigid_contact.h"
 #include "physics_node/elastic/dynamics.h"
 #include "physics_node/elastic/grip/held_points.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
@@ -66,6 +67,16 @@ class ElasticSimulation {
   /// @param step_s  in [¼, 1] × that of the constructor; none: that
   bool step(std::span<const std::optional<TipState>> tips, std::optional<double> step_s = {});
 
+  /// For the next steps: planes of other bodies that it may touch, and whether one of those moves.
+  void set_neighbors(std::vector<elastic::ContactPlane> planes, bool is_moving) {
+    tips_.neighbors = std::move(planes);
+    is_neighbor_moving_ = is_moving;
+  }
+  /// The last step once more under other planes, unless it was made in parts or has failed; then,
+  /// or if it fails now, it stays as it is.
+  void step_again();
+  [[nodiscard]] bool is_asleep() const noexcept { return dynamics_.is_asleep(); }
+
   /// From now on a tool holds the nearest points within reach of that place, as the body is now,
   /// and does not touch it with its tip. @see elastic::HeldPoints::take  @return  their number
   /// @param is_as_at_rest  as they lie to each other in the untouched body
@@ -89,6 +100,9 @@ class ElasticSimulation {
   void let_go(std::size_t tool) { tips_.held[tool].let_go(); }
   /// By tool. @pre  one that holds has a TipState in every step
   [[nodiscard]] const std::vector<elastic::HeldPoints>& held() const noexcept { return tips_.held; }
+
+  /// What it lies on.
+  [[nodiscard]] const elastic::RigidContact& rigid() const noexcept { return tips_.rigid; }
 
   /// What of its attachments has torn.
   [[nodiscard]] const elastic::Tearing& tearing() const noexcept { return tips_.tearing; }
@@ -138,14 +152,17 @@ class ElasticSimulation {
   void shown_strain(std::vector<float>& strain) const;
 
  private:
-  /// The potential of all spheres that are near, of what is held, and of what tears.
+  /// The potential of all spheres that are near, of what is held, of what tears, and of what the
+  /// body lies on.
   class Tips final : public elastic::Obstacle {
    public:
-    explicit Tips(const elastic::Body& body) : tearing(body) {}
+    explicit Tips(const ElasticBody& body) : tearing(*body.body), rigid(*body.resting) {}
     std::vector<elastic::SphereContact> contacts;
     std::vector<char> is_near;
     std::vector<elastic::HeldPoints> held;  // by tool
     elastic::Tearing tearing;
+    elastic::RigidContact rigid;
+    std::vector<elastic::ContactPlane> neighbors;
     std::vector<std::pair<std::uint32_t, Vector3>> rubbed_newton;  // by node of the body
     double add_gradient(const double* x_m, double* gradient) const override;
     void add_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
@@ -154,14 +171,17 @@ class ElasticSimulation {
                              elastic::BlockValues& values) const override;
     [[nodiscard]] double longest_correction_m() const override;
     bool begin_round(const double* x_m, const elastic::BlockPattern& pattern) override;
-    [[nodiscard]] bool is_idle() const;
+    [[nodiscard]] bool is_still() const override;
+    [[nodiscard]] bool is_idle() const {
+      return is_still() && rigid.is_idle() && neighbors.empty();
+    }
   };
 
   [[nodiscard]] int parts_of(std::span<const std::optional<TipState>> tips) const;
   bool step_part(std::span<const std::optional<TipState>> tips);
   void rub(const Touch& touch, const Vector3& friction_on_tool_newton);
   bool follow(std::size_t tool, const TipState& tip);
-  [[nodiscard]] bool step_once();
+  [[nodiscard]] bool step_once(bool is_again = false);
   [[nodiscard]] bool settle();
   [[nodiscard]] bool is_wrong(std::size_t tool) const;
   void repair(std::span<const std::optional<TipState>> tips,
@@ -185,12 +205,15 @@ class ElasticSimulation {
   std::vector<std::array<std::uint32_t, 3>> triangles_;
   elastic::VectorXd before_m_;          // the last step
   elastic::Relaxation before_relaxed_;  // and what the body remembered then
+  elastic::RigidContact before_rigid_;  // and how it lay
   elastic::StepReport report_;
   std::uint64_t failed_steps_ = 0;
   std::uint64_t repaired_steps_ = 0;
   std::uint64_t appeared_ = 0;
   int failed_in_a_row_ = 0;
   bool has_torn_ = false;
+  bool is_neighbor_moving_ = false;
+  bool can_step_again_ = false;
 };
 
 }  // namespace palpate::physics

@@ -297,6 +297,11 @@ bool ElasticTissue::is_fast() const {
 }
 
 void ElasticTissue::solve(double step_s, double ahead_s) {
+  begin_solve(step_s, ahead_s);
+  end_solve(step_s, simulation_->step(tips_, step_s));
+}
+
+void ElasticTissue::begin_solve(double step_s, double ahead_s) {
   hasty_solves_ = std::max(0, hasty_solves_ - 1);
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     const Tip tip = tools_[i]->tip.load();
@@ -331,7 +336,9 @@ void ElasticTissue::solve(double step_s, double ahead_s) {
   if (ablation_) change_body(step_s);
   if (gripper_) close_jaws();
   sweep_blades();
-  const bool has_stepped = simulation_->step(tips_, step_s);
+}
+
+void ElasticTissue::end_solve(double step_s, bool has_stepped) {
   has_moved_ = has_moved_ || has_stepped;
   if (has_stepped) {
     ++figures_.solves;
@@ -406,8 +413,7 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
   draft.contact->prepare(body_->points, simulation_->x_m(), touch.forces_on_body_newton,
                          draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m,
                          tool.slow_normal);
-  draft.contact->swing(body_->slow_modes, body_->points, body_->start_m, simulation_->x_m(),
-                       simulation_->v_m_per_s(), simulation_->acceleration_m_per_s2());
+  lean_or_swing(*draft.contact, touch.centre_m);
   draft.contact->relax(body_->points, simulation_->v_m_per_s(), body_->viscosity_s,
                        &simulation_->relaxation());
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
@@ -463,16 +469,6 @@ void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& t
   if (is_hasty(tool) && add_last()) return;
   contact.add_equilibrium(body_->points, body_->start_m, {});
   if (!is_hasty(tool)) add_last();
-}
-
-void ElasticTissue::publish() {
-  for (auto& tool : tools_) {
-    if (is_body_new_) tool->body.publish();
-    if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
-    if (std::exchange(tool->is_patched, false)) tool->patch.publish();
-    if (std::exchange(tool->is_grip_new, false)) tool->grip.publish();
-  }
-  is_body_new_ = false;
 }
 
 }  // namespace palpate::physics

@@ -125,6 +125,14 @@ class ElasticTissue {
   /// @param step_s   since the last one, in [least_step_s(), longest_step_s()]
   /// @param ahead_s  ≥ 0, until it is used: it is that of where tips that touch will be by then
   void solve(double step_s, double ahead_s = 0.0);
+  /// solve() in two parts, between which the body is stepped with those that it touches.
+  void begin_solve(double step_s, double ahead_s);
+  void end_solve(double step_s, bool has_stepped);
+  [[nodiscard]] ElasticSimulation& simulation() noexcept { return *simulation_; }
+  [[nodiscard]] const std::vector<std::optional<TipState>>& tips() const noexcept { return tips_; }
+  [[nodiscard]] elastic::SurfaceCompliance& compliance() const { return shared_->compliance(); }
+  /// Where the body leans on others in this solution.
+  void set_leaning(std::vector<elastic::Support> supports) { leaning_ = std::move(supports); }
   /// At the body's solve rate.
   [[nodiscard]] double longest_step_s() const noexcept { return 1.0 / body_->solve_rate_hz; }
   /// Where a tip moves fast.
@@ -290,6 +298,7 @@ class ElasticTissue {
   void compare(elastic::StatedError& stated, double error_newton, double way_m);
   void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
   void prepare(std::size_t tool, double step_s);
+  void lean_or_swing(elastic::CondensedContact& contact, const Vector3& centre_m) const;
   [[nodiscard]] bool can_be_pierced() const noexcept;
   [[nodiscard]] bool can_be_cut() const noexcept;
   [[nodiscard]] bool is_blade_through(const Tool& own, const GripModel& model) const noexcept;
@@ -310,7 +319,6 @@ class ElasticTissue {
   void wear();
   void change_body(double step_s);
   void follow_body(Tool& own) noexcept;
-  [[nodiscard]] elastic::SurfaceCompliance& compliance() const { return shared_->compliance(); }
 
   std::shared_ptr<const ElasticBody> whole_;
   // as it is now; slow thread
@@ -326,6 +334,7 @@ class ElasticTissue {
   std::vector<std::unique_ptr<Tool>> tools_;
   std::vector<std::optional<PatchMaker>> makers_;  // of the tools
   std::vector<std::optional<TipState>> tips_;
+  std::vector<elastic::Support> leaning_;
   ElasticFigures figures_;
   std::uint64_t without_compliance_ = 0;  // contacts that could not be prepared
   int hasty_solves_ = 0;                  // that follow a fast motion, still to be made

@@ -48,6 +48,16 @@ void ElasticTissue::continue_as(const ElasticTissue& other) {
   has_moved_ = true;
 }
 
+void ElasticTissue::publish() {
+  for (auto& tool : tools_) {
+    if (is_body_new_) tool->body.publish();
+    if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
+    if (std::exchange(tool->is_patched, false)) tool->patch.publish();
+    if (std::exchange(tool->is_grip_new, false)) tool->grip.publish();
+  }
+  is_body_new_ = false;
+}
+
 // --- jaws ----------------------------------------------------------------------------------------
 
 void ElasticTissue::set_jaw(std::size_t tool, std::uint32_t closing, const GripReport* report,

@@ -18,9 +18,9 @@ namespace {
 // the tool before that is used.
 constexpr double kAheadShare = 0.8;
 
-/// Solves at the body's rate until stopped, and more often while a tip is fast. A solution that
-/// takes longer than its period delays the next one: the body's time then runs slower.
-void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
+/// Solves at the rate of its bodies until stopped, and more often while a tip is fast. A solution
+/// that takes longer than its period delays the next one: the body's time then runs slower.
+void solve_in_real_time(const std::stop_token& stop, TissueIsland& island) {
   using Clock = std::chrono::steady_clock;
   const auto ticks = [](double seconds) {
     return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
@@ -28,22 +28,22 @@ void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
   std::mutex mutex;
   std::condition_variable_any stopped;
   std::unique_lock lock(mutex);
-  Clock::time_point last = Clock::now() - ticks(tissue.longest_step_s());
+  Clock::time_point last = Clock::now() - ticks(island.longest_step_s());
   Clock::duration solving{};  // took the last one
   while (!stop.stop_requested()) {
     const Clock::time_point begin = Clock::now();
     const double since_s = std::chrono::duration<double>(begin - last).count();
     const double takes_s = std::chrono::duration<double>(solving).count();
-    tissue.solve(std::clamp(since_s, tissue.least_step_s(), tissue.longest_step_s()),
-                 tissue.is_fast() ? kAheadShare * std::min(takes_s, tissue.longest_step_s()) : 0.0);
+    island.solve(std::clamp(since_s, island.least_step_s(), island.longest_step_s()),
+                 island.is_fast() ? kAheadShare * std::min(takes_s, island.longest_step_s()) : 0.0);
     last = begin;
-    tissue.publish();
+    island.publish();
     solving = Clock::now() - begin;
-    if (Clock::now() > begin + ticks(tissue.longest_step_s())) tissue.note_late();
+    if (Clock::now() > begin + ticks(island.longest_step_s())) island.note_late();
     for (int part = 1; part <= ElasticTissue::kMostSolvesPerPeriod; ++part) {
-      stopped.wait_until(lock, stop, begin + ticks(part * tissue.least_step_s()),
+      stopped.wait_until(lock, stop, begin + ticks(part * island.least_step_s()),
                          [] { return false; });
-      if (stop.stop_requested() || tissue.is_fast()) break;
+      if (stop.stop_requested() || island.is_fast()) break;
     }
   }
 }
@@ -74,22 +74,21 @@ ElasticTissues::ElasticTissues(const std::vector<std::shared_ptr<BodyCompliance>
                                std::size_t tools, double tip_radius_m, ElasticPace pace,
                                const std::optional<GripperConfig>& gripper,
                                const std::optional<ElectrodeConfig>& electrode)
-    : pace_(pace),
-      gripper_(gripper),
-      electrode_(electrode),
-      counts_(tools),
-      closings_(tools),
-      last_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()),
-      ready_s_(last_solve_s_) {
+    : pace_(pace), gripper_(gripper), electrode_(electrode), counts_(tools), closings_(tools) {
   for (const auto& body : bodies) {
     tissues_.push_back(std::make_unique<ElasticTissue>(body, tools, tip_radius_m,
                                                        pace_ == ElasticPace::kFolded, gripper_,
                                                        electrode_, pace_ == ElasticPace::kThread));
   }
+  std::vector<ElasticTissue*> all;
+  for (auto& tissue : tissues_) all.push_back(tissue.get());
+  islands_ = TissueIsland::of(all);
+  last_solve_s_.assign(islands_.size(), -std::numeric_limits<double>::infinity());
+  ready_s_ = last_solve_s_;
   if (pace_ != ElasticPace::kThread) return;
-  for (auto& tissue : tissues_) {
+  for (TissueIsland& island : islands_) {
     threads_.emplace_back(
-        [&own = *tissue](const std::stop_token& stop) { solve_in_real_time(stop, own); });
+        [&own = island](const std::stop_token& stop) { solve_in_real_time(stop, own); });
   }
 }
 
@@ -97,6 +96,7 @@ ElasticTissues::~ElasticTissues() = default;
 
 void ElasticTissues::continue_as(const ElasticTissues& other) {
   for (std::size_t i = 0; i < tissues_.size(); ++i) tissues_[i]->continue_as(*other.tissues_[i]);
+  for (std::size_t i = 0; i < islands_.size(); ++i) islands_[i].continue_as(other.islands_[i]);
   counts_ = other.counts_;
   closings_ = other.closings_;
   last_solve_s_ = other.last_solve_s_;
@@ -164,17 +164,17 @@ void ElasticTissues::close(std::size_t tool, const JawInput& jaw) noexcept {
 }
 
 void ElasticTissues::solve_until(double time_s) {
-  for (std::size_t i = 0; i < tissues_.size(); ++i) {
-    ElasticTissue& tissue = *tissues_[i];
-    const double longest_s = tissue.longest_step_s();
+  for (std::size_t i = 0; i < islands_.size(); ++i) {
+    TissueIsland& island = islands_[i];
+    const double longest_s = island.longest_step_s();
     const double rounding_s = 1e-6 * longest_s;
     if (time_s < ready_s_[i] - rounding_s) continue;
-    tissue.publish();
+    island.publish();
     const double since_s = time_s - last_solve_s_[i];
-    const bool is_fast = tissue.is_fast();
+    const bool is_fast = island.is_fast();
     if (since_s < longest_s - rounding_s && !is_fast) continue;
-    const double needs_s = is_fast ? tissue.least_step_s() : longest_s;
-    tissue.solve(std::clamp(since_s, tissue.least_step_s(), longest_s),
+    const double needs_s = is_fast ? island.least_step_s() : longest_s;
+    island.solve(std::clamp(since_s, island.least_step_s(), longest_s),
                  is_fast ? kAheadShare * needs_s : 0.0);
     last_solve_s_[i] = time_s;
     ready_s_[i] = time_s + needs_s;

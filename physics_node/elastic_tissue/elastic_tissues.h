@@ -14,6 +14,7 @@
 #include "common/session/scene_config.h"
 #include "common/telemetry/physics_telemetry.h"
 #include "physics_node/elastic_tissue/elastic_tissue.h"
+#include "physics_node/elastic_tissue/touching/tissue_island.h"
 #include "physics_node/scene/scene_force.h"
 
 namespace palpate::physics {
@@ -110,12 +111,13 @@ class ElasticTissues {
   void solve_until(double time_s);
 
   std::vector<std::unique_ptr<ElasticTissue>> tissues_;
+  std::vector<TissueIsland> islands_;
   ElasticPace pace_;
   std::optional<GripperConfig> gripper_;
   std::optional<ElectrodeConfig> electrode_;
   std::vector<Counts> counts_;     // by tool
   std::vector<Closing> closings_;  // by tool
-  // by tissue; virtual
+  // by island; virtual
   std::vector<double> last_solve_s_;
   std::vector<double> ready_s_;  // then that solution may be used
   std::vector<std::jthread> threads_;

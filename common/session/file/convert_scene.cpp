@@ -301,6 +301,66 @@ TissueMotionConfig to_motion(const Fields& tissue) {
   return motion;
 }
 
+/// What elastic tissues touch, by name, when all are known.
+void add_touches(const Fields& scene, SceneConfig& config) {
+  constexpr std::size_t kMostTouches = 16;
+  std::size_t index = 0;
+  for (const Fields& tissue : scene.messages("tissue")) {
+    const std::size_t own = index++;
+    auto* const material = std::get_if<ElasticMaterial>(&config.tissues[own].material);
+    if (material == nullptr) continue;
+    const Fields elastic = tissue.message("elastic");
+    std::set<std::size_t> touched;
+    for (const Fields& touches : elastic.messages("touches")) {
+      const double friction_coefficient = touches.number("friction_coefficient", 0.0);
+      if (!touches.has_required("tissue")) continue;
+      const std::string name = touches.text("tissue");
+      std::vector<std::string> names;
+      for (const TissueConfig& one : config.tissues) names.push_back(one.name);
+      const auto found = std::find(names.begin(), names.end(), name);
+      const auto other = static_cast<std::size_t>(found - names.begin());
+      if (found == names.end()) {
+        const std::string meant = nearest(name, names);
+        touches.problem("tissue", (meant.empty() ? "" : "did you mean \"" + meant + "\"? ") +
+                                      "no tissue of the scene has this name; give one a name and "
+                                      "name it here");
+      } else if (other == own) {
+        touches.problem("tissue", "is this tissue itself; name another one");
+      } else if (!touched.insert(other).second) {
+        touches.problem("tissue", "is named twice; leave one out");
+      } else if (const auto* const elastic_other =
+                     std::get_if<ElasticMaterial>(&config.tissues[other].material);
+                 elastic_other != nullptr && touches.has("friction_coefficient")) {
+        touches.problem("friction_coefficient",
+                        "two elastic tissues slide on each other without friction; leave it out");
+      } else if (elastic_other != nullptr &&
+                 elastic_other->solve_rate_hz != material->solve_rate_hz) {
+        touches.problem("tissue", "is solved at " + shown(elastic_other->solve_rate_hz) +
+                                      " Hz, this one at " + shown(material->solve_rate_hz) +
+                                      " Hz; give both the same solve_rate_hz");
+      } else if (const auto* const file =
+                     std::get_if<FileGeometry>(&config.tissues[other].geometry);
+                 file != nullptr && file->kind == FileGeometry::Kind::kPointCloud) {
+        touches.problem("tissue",
+                        "is a point_cloud, which has no inside; give it as a "
+                        "triangle_surface");
+      } else if (const TissueMotionConfig& motion = config.tissues[other].motion;
+                 motion.frequency_hz > 0.0 && !motion.amplitude_m.isZero(0.0)) {
+        touches.problem("tissue",
+                        "moves; only what stands still may be named here: leave out its "
+                        "motion");
+      } else {
+        material->touches.push_back(
+            {.tissue = other, .friction_coefficient = friction_coefficient});
+      }
+    }
+    if (touched.size() > kMostTouches) {
+      elastic.problem_at("touches", static_cast<int>(kMostTouches),
+                         "at most 16 tissues; make one of several that are rigid");
+    }
+  }
+}
+
 }  // namespace
 
 RegionGeometry to_region(const Fields& place) {
@@ -407,6 +467,7 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
                               .material = to_material(tissue, config.tip_radius_m),
                               .motion = to_motion(tissue)});
   }
+  add_touches(scene, config);
   add_holders(tool, config);
   return config;
 }

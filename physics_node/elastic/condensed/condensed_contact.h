@@ -91,6 +91,15 @@ class SurfaceCompliance {
   bool has_no_factor_ = false;
 };
 
+/// Where a body leans on something else.
+struct Support {
+  SurfacePoint point;
+  Vector3d direction = Vector3d::UnitZ();  ///< unit; in others the point moves freely
+  /// What it leans on: a point of another body, which gives way too; null: it does not.
+  SurfaceCompliance* other = nullptr;
+  SurfacePoint other_point = {};
+};
+
 struct CondensedReport {
   Vector3d force_on_sphere_newton = Vector3d::Zero();
   int touching = 0;
@@ -121,6 +130,20 @@ class CondensedContact {
   void prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                const std::vector<Vector3d>& forces_on_body_newton, const Vector3d& centre_m,
                int most_points, double within_m = 0.0, const Vector3d& along = Vector3d::Zero());
+
+  /// After prepare(), before relax(), instead of swing(): in the full solution the body leans on
+  /// these, which give way only so much. As long as this is used it goes on to do so. The
+  /// compliance C among the points becomes
+  ///
+  ///   C − B (W + D)⁻¹ Bᵀ
+  ///
+  /// with B what forces at the supports move the points, W what they move the supports, D what
+  /// these give way. Of more than kMostSupports directions those nearest to the sphere of prepare()
+  /// count. move_surface() does not know of it. Allocates. @throws std::runtime_error  @see
+  /// require()
+  void lean_on(std::vector<Support> supports, const std::vector<SurfacePoint>& points,
+               const VectorXd& x_m, const Vector3d& centre_m);
+  static constexpr std::size_t kMostSupports = 128;
 
   /// After prepare(), before relax(): in steps of some length these modes of the body move as their
   /// inertia lets them, from the full solution of prepare() on; in steps of no length they are at

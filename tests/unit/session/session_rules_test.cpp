@@ -70,8 +70,10 @@ std::vector<std::string> all_numbers() {
 /// The assignment, after what makes the lists that the session below does not have.
 std::vector<std::string> assigned(const std::string& assignment) {
   if (assignment.find(".elastic.") != std::string::npos) {
-    return {"scene.tissue[0].elastic={ fixed {} attached {} part {} viscoelastic { branch {} } }",
-            assignment};
+    return {
+        "scene.tissue[0].elastic={ fixed {} attached {} part {} touches {} "
+        "viscoelastic { branch {} } }",
+        assignment};
   }
   if (assignment.starts_with("faults.standby_")) {
     const std::string link = assignment.substr(0, assignment.find('.', 7));

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// An elastic tissue that leans on others.
+#include <utility>
+
+#include "physics_node/elastic/contact/plane_contact.h"
+#include "physics_node/elastic_tissue/elastic_tissue.h"
+
+namespace palpate::physics {
+
+/// The slow modes are those of a body that leans on nothing.
+void ElasticTissue::lean_or_swing(elastic::CondensedContact& contact,
+                                  const Vector3& centre_m) const {
+  std::vector<elastic::Support> supports =
+      elastic::supports_of(simulation_->rigid().pressed(), simulation_->x_m().data());
+  supports.insert(supports.end(), leaning_.begin(), leaning_.end());
+  if (supports.empty()) {
+    contact.swing(body_->slow_modes, body_->points, body_->start_m, simulation_->x_m(),
+                  simulation_->v_m_per_s(), simulation_->acceleration_m_per_s2());
+  } else {
+    contact.lean_on(std::move(supports), body_->points, simulation_->x_m(), centre_m);
+  }
+}
+
+}  // namespace palpate::physics
