@@ -115,9 +115,10 @@ class OnDynamixel(Emulated):
         with self.leader() as leader:
             self.assertIn("joint 7 (id 7): XL330-M288", leader.description)
             clamp = clamp_for(self.library, leader, dynamixel_leader.JOINTS)
-            cycles, share = teleoperate(leader, clamp, Follower(), 3.0)
+            cycles, share, reported = teleoperate(leader, clamp, Follower(), 3.0)
         self.assertGreater(cycles, 20)
         self.assertGreater(share, 0.05)
+        self.assertGreater(reported, 0.5 * share)
         time.sleep(0.2)
         self.assertGreater(self.end(emulator)[1], 0.0)  # closed: limp
 
@@ -195,9 +196,10 @@ class OnOpenArm(Emulated):
         with self.leader() as leader:
             self.assertIn("joint 7 (id 7): DM4310", leader.description)
             clamp = clamp_for(self.library, leader, openarm_leader.JOINTS)
-            cycles, share = teleoperate(leader, clamp, Follower(), 3.0)
+            cycles, share, reported = teleoperate(leader, clamp, Follower(), 3.0)
         self.assertGreater(cycles, 20)
         self.assertGreater(share, 0.05)
+        self.assertGreater(reported, 0.5 * share)
         time.sleep(0.2)
         self.assertGreater(self.end(emulator)[1], 0.0)  # closed: limp
 

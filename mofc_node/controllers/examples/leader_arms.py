@@ -11,6 +11,8 @@ from palpate_controllers import JointClamp, Port, load
 from two_arms import COULOMB, INERTIA, JOINTS, PEAK, Q, VISCOUS, TwoArms, realised
 
 PERIOD_S = 0.002
+DELAY_S = 0.0008  # from a reading until the torque that answers it acts
+LEASE_S = 2 * PERIOD_S  # when the motors let go by themselves
 LEAST = 0.8  # of the friction that was identified: what the clamp may rely on
 STIFFNESS = [40.0 * inertia / 0.01 for inertia in INERTIA]  # N·m/rad, of the coupling
 
@@ -19,13 +21,14 @@ def joint_clamp(library, cap):
     """cap: share of the peak torque for one hold of which there is credit."""
     ports = [Port(viscous=LEAST * VISCOUS[i], coulomb=LEAST * COULOMB[i], resolution=Q, v_max=6.0,
                   peak_effort=cap * PEAK[i]) for i in range(JOINTS)]
-    return JointClamp(library, ports, lease_s=PERIOD_S)
+    return JointClamp(library, ports, lease_s=LEASE_S, earliest_end_s=LEASE_S, delay_s=DELAY_S)
 
 
 def teleoperate(arms, clamp, seconds=4.0):
     """Position exchange: the leader's motors pull to where the follower is. Returns the share of the
     torque asked for, beyond 0.2 N·m, that they made."""
     asked = made = 0.0
+    acting = [0.0] * JOINTS
     for _ in range(round(seconds / PERIOD_S)):
         q = arms.read_leader()
         q_far = arms.follower_as_seen()  # as old as the network makes it
@@ -33,14 +36,19 @@ def teleoperate(arms, clamp, seconds=4.0):
                   for k, far, x, p in zip(STIFFNESS, q_far, q, PEAK)]
         sent = realised(clamp.step(q, torque, PERIOD_S) if clamp else torque)
         if clamp:
-            clamp.acts(sent)
-        arms.run(PERIOD_S, sent)
+            clamp.acts(sent, DELAY_S)
+        arms.run(DELAY_S, acting)
+        acting = sent
+        arms.run(PERIOD_S - DELAY_S, acting)
         asked += sum(abs(x) for x in torque if abs(x) > 0.2)
         made += sum(abs(y) for x, y in zip(torque, sent) if abs(x) > 0.2)
     return made / asked if asked else 1.0
 
 
 def main():
+    if len(sys.argv) < 2:
+        print(__doc__)
+        return 2
     library = load(sys.argv[1])
     print("delay ms | shake, deg rms      | least energy, mJ       | torque made, %\n"
           "         | none  clamp  fifth  | none    clamp   fifth  | none clamp fifth")
