@@ -332,6 +332,35 @@ INSTANTIATE_TEST_SUITE_P(
       return "WireFault" + std::to_string(static_cast<int>(info.param.wire));
     });
 
+// Its torque is made a little less for that, and what it is told is said.
+TEST(DamiaoArm, AStatusThatIsFrozenUnderAConstantTorqueIsFound) {
+  DamiaoBench bench;
+  bench.enabled();
+  for (int k = 0; k < 100; ++k) ASSERT_TRUE(bench.cycle(0.6)) << bench.arm().fault_text();
+  bench.plan(WireFault::kStuck);
+  int cycles = 0;
+  bool is_less = false;
+  while (cycles < 200 && bench.cycle(0.6)) {
+    ++cycles;
+    EXPECT_LE(bench.made[5], 0.6);
+    is_less = is_less || bench.made[5] < 0.6 - 0.07;  // 16 steps of a DM4310
+  }
+  EXPECT_TRUE(is_less);
+  EXPECT_EQ(bench.arm().fault(), LeaderFault::kStale) << bench.arm().fault_text();
+  EXPECT_LE(cycles, 65);  // 100 + 20 ms, in cycles of 2 ms
+}
+
+TEST(DamiaoArm, AnArmThatRestsUnderAConstantTorqueIsSound) {
+  DamiaoBench bench;
+  bench.enabled();
+  double sum = 0.0;
+  for (int k = 0; k < 1000; ++k) {
+    ASSERT_TRUE(bench.cycle(0.6)) << bench.arm().fault_text();
+    sum += bench.made[5];
+  }
+  EXPECT_GT(sum / 1000.0, 0.95 * 0.6);
+}
+
 TEST(DamiaoArm, EachErrorIsNamedWithItsCause) {
   for (const auto& [state, cause] : {std::pair{0x8U, "supply voltage too high"},
                                      {0x9U, "supply voltage too low"},
@@ -487,7 +516,7 @@ TEST(DamiaoSetUp, WrongSettingsAreRefusedBeforeTheBusIsOpened) {
   using B = DamiaoBench;
   EXPECT_THAT(refusal_of([](B& b) { b.joints.clear(); }), HasSubstr("1 … 8 joints"));
   EXPECT_THAT(refusal_of([](B& b) { b.joints[1].id = 0; }), HasSubstr("an id is 1 … 15"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].id = 16; }), HasSubstr("an id is 0 … 15"));
+  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].id = 16; }), HasSubstr("an id is 1 … 15"));
   EXPECT_THAT(refusal_of([](B& b) { b.joints[1].feedback_id = 0x7FF; }), HasSubstr("1 … 2046"));
   EXPECT_THAT(refusal_of([](B& b) { b.joints[1].feedback_id = 0x11; }),
               HasSubstr("feedback_id 17 is that of another"));
@@ -497,6 +526,9 @@ TEST(DamiaoSetUp, WrongSettingsAreRefusedBeforeTheBusIsOpened) {
               HasSubstr("torque_limit_newton_m"));
   EXPECT_THAT(refusal_of([](B& b) { b.joints[1].torque_ratio = std::nan(""); }),
               HasSubstr("torque_ratio"));
+  for (const double ratio : {0.001, 0.3, 3.1}) {  // as if per mA, or of another unit
+    EXPECT_THAT(refusal_of([=](B& b) { b.joints[1].torque_ratio = ratio; }), HasSubstr("1/3 … 3"));
+  }
   EXPECT_THAT(refusal_of([](B& b) { b.settings.timeout_s = 0.0; }), HasSubstr("0.002 … 1"));
   EXPECT_THAT(refusal_of([](B& b) { b.settings.longest_delay_s = 0.001; }),
               HasSubstr("longest_delay_s must be above 0.001"));

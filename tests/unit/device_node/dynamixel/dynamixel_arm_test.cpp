@@ -249,6 +249,33 @@ TEST(DynamixelArm, TheWatchdogEndsTheTorqueWhenTheProgramStops) {
   }
 }
 
+// The register holds the number, and nothing comes of it: it is tried before there is a torque.
+TEST(DynamixelArm, AWatchdogThatEndsNoTorqueIsFoundBeforeThereIsOne) {
+  LeaderBench bench;
+  bench.open();
+  bench.emulator().with_servo(3, [](EmulatedServo& servo) { servo.has_watchdog = false; });
+  bench.plan(WireFault::kNoWatchdog);
+  EXPECT_FALSE(bench.arm().enable());
+  EXPECT_EQ(bench.arm().fault(), LeaderFault::kNoWatchdog) << bench.arm().fault_text();
+  EXPECT_THAT(bench.arm().fault_text(), HasSubstr("Update its firmware"));
+  bench.settle();
+  EXPECT_EQ(bench.acting_newton_m(), 0.0);
+}
+
+TEST(DynamixelArm, AWatchdogThatDoesNotFireInALongPauseIsAFault) {
+  LeaderBench bench;
+  bench.enabled();
+  ASSERT_TRUE(bench.cycle(0.1));
+  bench.plan(WireFault::kNoWatchdog);
+  bench.pass(1500ms);
+  ASSERT_GT(bench.acting_newton_m(), 0.5);
+  EXPECT_FALSE(bench.cycle(0.1));
+  EXPECT_EQ(bench.arm().fault(), LeaderFault::kNoWatchdog) << bench.arm().fault_text();
+  EXPECT_THAT(bench.arm().fault_text(), HasSubstr("no motor has ended its torque in a pause"));
+  bench.pass(5ms);
+  EXPECT_EQ(bench.acting_newton_m(), 0.0);
+}
+
 TEST(DynamixelArm, ACycleAllocatesNothingAndEndsInTime) {
   LeaderBench bench;
   bench.enabled();
@@ -429,6 +456,22 @@ TEST(DynamixelSetUp, ServosThatCannotDoItAreRefused) {
   EXPECT_THAT(refusal_of(1020, 45), HasSubstr("cannot be read as one"));
 }
 
+// Per mA, per A of another unit, of another model.
+TEST(DynamixelSetUp, ATorqueFarFromTheModelsIsRefused) {
+  for (const double per_ampere : {0.354e-3, 0.1, 1.1, 354.0}) {
+    LeaderBench bench;
+    bench.joints[2].torque_newton_m_per_ampere = per_ampere;
+    EXPECT_THAT(bench.refusal(),
+                HasSubstr("joint 3 (id 3), XL330-M288: torque_newton_m_per_ampere"));
+    EXPECT_THAT(bench.refusal(), HasSubstr("must be within 0.117914 … 1.06122"));
+  }
+  for (const double per_ampere : {0.12, 1.0}) {
+    LeaderBench bench;
+    bench.joints[2].torque_newton_m_per_ampere = per_ampere;
+    EXPECT_EQ(bench.refusal(), "it opens");
+  }
+}
+
 TEST(DynamixelSetUp, AHardwareErrorIsRefusedWithItsCause) {
   LeaderBench bench;
   bench.emulator().with_servo(5, [](EmulatedServo& servo) { servo.protect(0x24); });
@@ -459,13 +502,21 @@ TEST(DynamixelSetUp, WrongSettingsAreRefusedBeforeTheLineIsOpened) {
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].fastest_rad_per_s = -1.0; }),
               HasSubstr("fastest_rad_per_s"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].play_rad = -1.0; }), HasSubstr("play"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].highest_rad = 9.0; }),
+  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].highest_rad = 6.0; }),
               HasSubstr("below one turn of the shaft"));
   EXPECT_THAT(
       refusal_of([](LeaderBench& b) { b.joints[1].torque_newton_m_per_ampere = std::nan(""); }),
       HasSubstr("torque_newton_m_per_ampere"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].offset_rad = std::nan(""); }),
               HasSubstr("offset_rad"));
+  for (double LeaderJoint::*angle :
+       {&LeaderJoint::offset_rad, &LeaderJoint::lowest_rad, &LeaderJoint::highest_rad,
+        &LeaderJoint::fastest_rad_per_s, &LeaderJoint::play_rad}) {
+    EXPECT_THAT(refusal_of([=](LeaderBench& b) { b.joints[1].*angle = -180.0; }),
+                HasSubstr("= -180: must be"));
+    EXPECT_THAT(refusal_of([=](LeaderBench& b) { b.joints[1].*angle = 180.0; }),
+                HasSubstr("is it in degrees?"));
+  }
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.settings.watchdog_units = 0; }),
               HasSubstr("1 … 127"));
   EXPECT_THAT(refusal_of([](LeaderBench& b) { b.settings.answer_limit_s = 0.0; }),
