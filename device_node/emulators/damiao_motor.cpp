@@ -165,7 +165,7 @@ void EmulatedDamiaoMotor::cycle(double now_s) noexcept {
   if (is_stuck) return;
   said_rad_ = shaft_rad();
   said_rad_per_s_ = plant_.link_rad_per_s();
-  said_newton_m_ = told;
+  said_newton_m_ = gain == 0.0 ? 0.0 : told;  // a motor without supply has no current
 }
 
 }  // namespace palpate::device

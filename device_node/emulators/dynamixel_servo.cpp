@@ -151,7 +151,9 @@ void EmulatedServo::cycle(double now_s) noexcept {
   if (is_stuck) return;
   const double turns = (plant_.link_rad() + settings_.zero_rad) / kTurnRad + turns_;
   set(120, 2, static_cast<std::uint32_t>(std::floor(1000.0 * now_s + 0.5)) & 0x7FFFU);
-  set(126, 2, static_cast<std::uint32_t>(static_cast<std::int32_t>(units_made)));
+  // a motor without supply has no current
+  set(126, 2,
+      static_cast<std::uint32_t>(static_cast<std::int32_t>(gain == 0.0 ? 0.0 : units_made)));
   set(128, 4,
       static_cast<std::uint32_t>(static_cast<std::int32_t>(
           std::lround(plant_.link_rad_per_s() / kTurnRad * 60.0 / 0.229))));

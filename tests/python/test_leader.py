@@ -115,9 +115,10 @@ class OnDynamixel(Emulated):
         with self.leader() as leader:
             self.assertIn("joint 7 (id 7): XL330-M288", leader.description)
             clamp = clamp_for(self.library, leader, dynamixel_leader.JOINTS)
-            cycles, share = teleoperate(leader, clamp, Follower(), 3.0)
+            cycles, share, reported = teleoperate(leader, clamp, Follower(), 3.0)
         self.assertGreater(cycles, 20)
         self.assertGreater(share, 0.05)
+        self.assertGreater(reported, 0.5 * share)
         time.sleep(0.2)
         self.assertGreater(self.end(emulator)[1], 0.0)  # closed: limp
 
@@ -126,8 +127,27 @@ class OnDynamixel(Emulated):
         self.assertGreater(silent_s, 4.0 - WATCHDOG_S - 1.0)
         self.assertLess(silent_s, 20.0)  # there was some
 
-    def test_without_watchdogs_it_goes_on(self) -> None:
-        self.assertLess(self.stop("--fault", "no_watchdog@0:900000"), 1.0)
+    def test_without_watchdogs_it_is_not_enabled(self) -> None:
+        self.emulate("--fault", "no_watchdog@0:900000")
+        with DynamixelLeader(self.library, dynamixel_leader.JOINTS, self.port,
+                             **{**DYNAMIXEL, "watchdog_units": 5}) as leader, \
+                self.assertRaisesRegex(LeaderFault, "does not keep its watchdog"):
+            leader.enable()
+
+    def test_motors_without_supply_report_that_they_make_nothing(self) -> None:
+        self.emulate("--fault", "no_supply@0:900000")
+        with self.leader() as leader:
+            clamp = clamp_for(self.library, leader, dynamixel_leader.JOINTS)
+            _, share, reported = teleoperate(leader, clamp, Follower(), 3.0)
+        self.assertGreater(share, 0.05)
+        self.assertEqual(reported, 0.0)
+
+    def test_the_examples_say_how_they_are_called(self) -> None:
+        for name in ("dynamixel_leader", "openarm_leader", "leader_arms", "plain_loop"):
+            run = subprocess.run([sys.executable, str(EXAMPLES / f"{name}.py")], capture_output=True,
+                                 text=True)
+            self.assertEqual((run.returncode, run.stderr), (2, ""), name)
+            self.assertIn(f"{name}.py LIBRARY", run.stdout)
 
     def test_a_servo_that_drops_out_is_named(self) -> None:
         self.emulate("--hands-off", "--fault", "servo_gone@3:900000")
@@ -195,9 +215,10 @@ class OnOpenArm(Emulated):
         with self.leader() as leader:
             self.assertIn("joint 7 (id 7): DM4310", leader.description)
             clamp = clamp_for(self.library, leader, openarm_leader.JOINTS)
-            cycles, share = teleoperate(leader, clamp, Follower(), 3.0)
+            cycles, share, reported = teleoperate(leader, clamp, Follower(), 3.0)
         self.assertGreater(cycles, 20)
         self.assertGreater(share, 0.05)
+        self.assertGreater(reported, 0.5 * share)
         time.sleep(0.2)
         self.assertGreater(self.end(emulator)[1], 0.0)  # closed: limp
 

@@ -11,7 +11,7 @@ namespace {
 
 std::unique_ptr<LeaderBus> open_motors(std::span<const DamiaoJoint> joints,
                                        const DamiaoSettings& settings, Clock& clock) {
-  check_leader(leader_joints(joints), settings, static_cast<int>(damiao::kMostId));
+  check_leader(leader_joints(joints), settings, 1, static_cast<int>(damiao::kMostId));
   return std::make_unique<DamiaoMotors>(joints, settings, clock);
 }
 

@@ -24,6 +24,9 @@ constexpr double kTimeoutUnitS = 50e-6;
 /// so long.
 constexpr Duration kStaleAfter = 20ms;
 constexpr unsigned kStaleUnits = 16;
+/// An arm at rest under a constant torque says the same all the time, and so does one whose status
+/// is frozen. After so long the torque is made less by kStaleUnits, which tells them apart.
+constexpr Duration kProbeAfter = 100ms;
 
 /// Where −range … range has its 0, between two codes.
 constexpr double kMiddleCode = 0.5 * damiao::kMostTorqueCode;
@@ -137,6 +140,7 @@ MotorOutcome DamiaoMotors::enable() noexcept {
     motor.has_command = true;
     motor.said_since = clock_.now();
     motor.least_told = motor.most_told = static_cast<unsigned>(kMiddleCode);
+    motor.has_varied = motor.is_probed = false;
   }
   return on;
 }
@@ -200,6 +204,10 @@ Transfer DamiaoMotors::write(std::span<const int> units) noexcept {
     const auto code = static_cast<unsigned>(units[i]);
     motors_[i].least_told = std::min(motors_[i].least_told, code);
     motors_[i].most_told = std::max(motors_[i].most_told, code);
+    if (!motors_[i].has_varied && motors_[i].most_told >= motors_[i].least_told + kStaleUnits) {
+      motors_[i].has_varied = true;
+      motors_[i].told_since = clock_.now();
+    }
     // gains 0: the frame is a torque and nothing else
     frames[i] = damiao_control(addresses_[i].id, {.torque = code});
   }
@@ -246,10 +254,11 @@ LeaderFault DamiaoMotors::check(std::size_t joint, bool is_enabled, TimePoint no
     motor.said_since = now;
     motor.least_told = damiao::kMostTorqueCode;
     motor.most_told = 0;
-  } else if (motor.most_told >= motor.least_told + kStaleUnits &&
-             now - motor.said_since >= kStaleAfter) {
-    return LeaderFault::kStale;
+    motor.has_varied = motor.is_probed = false;
+    return LeaderFault::kNone;
   }
+  if (motor.has_varied && now - motor.told_since >= kStaleAfter) return LeaderFault::kStale;
+  motor.is_probed = now - motor.said_since >= kProbeAfter;
   return LeaderFault::kNone;
 }
 
@@ -263,7 +272,10 @@ MotorCommand DamiaoMotors::command(std::size_t joint, double newton_m) const noe
   // no code is 0; the two beside it are half a unit
   constexpr double kRounding = 1e-9;  // so that what a code makes is that code again
   const double ratio = joints_[joint].torque_ratio;
-  const double units = newton_m / ratio / unit_newton_m(joint);
+  double units = newton_m / ratio / unit_newton_m(joint);
+  if (motors_[joint].is_probed) {
+    units = std::copysign(std::max(0.0, std::abs(units) - kStaleUnits), units);
+  }
   const auto most = static_cast<double>(motors_[joint].most_code);
   double code = 0.0;
   if (newton_m > 0.0) {

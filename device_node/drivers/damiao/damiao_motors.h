@@ -57,6 +57,9 @@ class DamiaoMotors final : public LeaderBus {
     TimePoint said_since{};
     unsigned least_told = 0;  // torque codes since then
     unsigned most_told = 0;
+    TimePoint told_since{};   // that they differ by what must be seen
+    bool has_varied = false;  // they do
+    bool is_probed = false;   // its torque is less, to see whether its status follows
   };
 
   void check_joints() const;

@@ -14,6 +14,9 @@
 namespace palpate::device {
 namespace {
 
+/// A ratio that is further from 1 is a wrong unit, not another motor.
+constexpr double kLeastRatio = 1.0 / 3.0;
+constexpr double kMostRatio = 3.0;
 constexpr int kMostFeedbackId = 0x7FE;
 
 }  // namespace
@@ -30,7 +33,6 @@ void DamiaoMotors::check_joints() const {
     const auto refuse = [&](const std::string& what) {
       throw SetupError("leader " + name_of(i) + ": " + what);
     };
-    if (joint.id == 0) refuse("an id is 1 … 15");
     if (joint.feedback_id < 1 || joint.feedback_id > kMostFeedbackId) {
       refuse("feedback_id is 1 … " + std::to_string(kMostFeedbackId) + ", or 0 for id + 16");
     }
@@ -48,8 +50,9 @@ void DamiaoMotors::check_joints() const {
     if (!std::isfinite(joint.torque_limit_newton_m) || joint.torque_limit_newton_m <= 0.0) {
       refuse("torque_limit_newton_m must be above 0: the most that the motor may get");
     }
-    if (!std::isfinite(joint.torque_ratio) || joint.torque_ratio <= 0.0) {
-      refuse("torque_ratio must be above 0; 1 is what the motor says of itself");
+    if (!(joint.torque_ratio >= kLeastRatio && joint.torque_ratio <= kMostRatio)) {
+      refuse("torque_ratio = " + leader_number(joint.torque_ratio) +
+             ": must be 1/3 … 3; 1 is what the motor says of itself");
     }
   }
   if (!(settings_.timeout_s >= 0.002 && settings_.timeout_s <= 1.0)) {

@@ -11,16 +11,16 @@ namespace palpate::device {
 namespace {
 
 std::unique_ptr<LeaderBus> open_motors(std::span<const DynamixelJoint> joints,
-                                       const DynamixelSettings& settings) {
-  check_leader(leader_joints(joints), settings, static_cast<int>(kMostDynamixelId));
-  return std::make_unique<DynamixelMotors>(joints, settings);
+                                       const DynamixelSettings& settings, Clock& clock) {
+  check_leader(leader_joints(joints), settings, 0, static_cast<int>(kMostDynamixelId));
+  return std::make_unique<DynamixelMotors>(joints, settings, clock);
 }
 
 }  // namespace
 
 DynamixelArm::DynamixelArm(std::span<const DynamixelJoint> joints,
                            const DynamixelSettings& settings, Clock& clock)
-    : LeaderArm(leader_joints(joints), settings, open_motors(joints, settings), clock) {}
+    : LeaderArm(leader_joints(joints), settings, open_motors(joints, settings, clock), clock) {}
 
 DynamixelLeader::DynamixelLeader(std::span<const DynamixelJoint> joints,
                                  const DynamixelSettings& settings)

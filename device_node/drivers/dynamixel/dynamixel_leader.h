@@ -14,7 +14,8 @@ namespace palpate::device {
 
 /// One servo and the joint that it drives.
 struct DynamixelJoint : LeaderJoint {
-  /// > 0: torque of the horn per ampere that is commanded, measured. 0: what the manual's stall
+  /// > 0: torque of the horn per ampere that is commanded, measured, within a factor of 3 of the
+  /// manual's. 0: what the manual's stall
   /// torque and current say of the model, which nobody has measured on yours.
   double torque_newton_m_per_ampere = 0.0;
   double current_limit_ampere = 0.0;  ///< > 0: no more is commanded

@@ -16,12 +16,22 @@ using namespace std::chrono_literals;
 
 /// A servo's clock counts ms; a status that is older than this is none of now.
 constexpr Duration kStaleAfter = 8ms;
+/// What enable() waits beyond the watchdog and its doubt.
+constexpr Duration kTrialMargin = 5ms;
+
+bool is_bad_answer(Transfer transfer) {
+  return transfer == Transfer::kTimeout || transfer == Transfer::kCorrupt;
+}
+
+bool is_good(const MotorOutcome& outcome) {
+  return outcome.transfer == Transfer::kDone && outcome.fault == LeaderFault::kNone;
+}
 
 }  // namespace
 
 DynamixelMotors::DynamixelMotors(std::span<const DynamixelJoint> joints,
-                                 const DynamixelSettings& settings)
-    : count_(joints.size()), settings_(settings), bus_([&]() -> DynamixelBus {
+                                 const DynamixelSettings& settings, Clock& clock)
+    : count_(joints.size()), settings_(settings), clock_(clock), bus_([&]() -> DynamixelBus {
         std::copy(joints.begin(), joints.end(), joints_.begin());
         check_currents();
         for (std::size_t i = 0; i < count_; ++i) ids_[i] = static_cast<std::uint8_t>(joints_[i].id);
@@ -35,27 +45,65 @@ DynamixelMotors::DynamixelMotors(std::span<const DynamixelJoint> joints,
 
 // --- life ---------------------------------------------------------------------------------------
 
-MotorOutcome DynamixelMotors::enable() noexcept {
+MotorOutcome DynamixelMotors::set_entry(std::size_t joint, unsigned address,
+                                        std::span<const std::byte> data) noexcept {
+  std::uint8_t error = 0;
+  Transfer transfer = bus_.write(ids_[joint], address, data, error);
+  if (is_bad_answer(transfer)) transfer = bus_.write(ids_[joint], address, data, error);
+  if (transfer != Transfer::kDone) return {.transfer = transfer, .joint = joint};
+  if ((error & ~kDynamixelAlert) == 0) return {};
+  fault_detail_ = error;
+  return {.fault = LeaderFault::kServoError, .joint = joint};
+}
+
+/// The lease of the motors, with none requested. 0 ends one that has fired, which refuses a goal.
+MotorOutcome DynamixelMotors::set_watchdogs() noexcept {
+  const std::array none{std::byte{0}};
+  const std::array goal{std::byte{0}, std::byte{0}};
+  const std::array units{static_cast<std::byte>(settings_.watchdog_units)};
   for (std::size_t i = 0; i < count_; ++i) {
     servos_[i].written = 0;
-    // the lease of the motors, before they have any
-    const std::array goal{std::byte{0}, std::byte{0}};
-    const std::array units{static_cast<std::byte>(settings_.watchdog_units)};
     for (const auto& [address, data] :
-         {std::pair<unsigned, std::span<const std::byte>>{dynamixel::kGoalCurrent, goal},
+         {std::pair<unsigned, std::span<const std::byte>>{dynamixel::kBusWatchdog, none},
+          {dynamixel::kGoalCurrent, goal},
           {dynamixel::kBusWatchdog, units}}) {
-      std::uint8_t error = 0;
-      Transfer transfer = bus_.write(ids_[i], address, data, error);
-      if (transfer == Transfer::kTimeout || transfer == Transfer::kCorrupt) {
-        transfer = bus_.write(ids_[i], address, data, error);
-      }
-      if (transfer != Transfer::kDone) return {.transfer = transfer, .joint = i};
-      if ((error & ~kDynamixelAlert) != 0) {
-        fault_detail_ = error;
-        return {.fault = LeaderFault::kServoError, .joint = i};
-      }
+      if (const MotorOutcome set = set_entry(i, address, data); !is_good(set)) return set;
     }
   }
+  return {};
+}
+
+/// A register that holds a number is no promise: each servo is left alone for its watchdog, with
+/// torque on and none requested, and must say that it has fired.
+MotorOutcome DynamixelMotors::try_watchdogs() noexcept {
+  for (int times = 0; times < 2; ++times) {
+    // the first answer says that they have heard all that was sent
+    if (times == 1) {
+      clock_.sleep_until(clock_.now() + from_seconds(watchdog_s()) + kTrialMargin);
+    }
+    Transfer transfer = read();
+    if (is_bad_answer(transfer)) transfer = read();
+    if (transfer != Transfer::kDone) return {.transfer = transfer, .joint = count_};
+  }
+  for (std::size_t i = 0; i < count_; ++i) {
+    if (block_of(i).bus_watchdog == dynamixel::kWatchdogFired) continue;
+    // one that has rebooted, or protects itself, is named by the first read()
+    const DynamixelBlock block = block_of(i);
+    if (block.torque_enable == 0 || block.hardware_error != 0) continue;
+    return {.fault = LeaderFault::kNoWatchdog, .joint = i};
+  }
+  return {};
+}
+
+MotorOutcome DynamixelMotors::enable() noexcept {
+  // the watchdogs before any torque
+  if (const MotorOutcome set = set_watchdogs(); !is_good(set)) return set;
+  Transfer switched = write_all(dynamixel::kTorqueEnable, 1);
+  if (switched != Transfer::kDone) return {.transfer = switched, .joint = count_};
+  if (const MotorOutcome tried = try_watchdogs(); !is_good(tried)) return tried;
+  switched = write_all(dynamixel::kTorqueEnable, 0);
+  if (switched != Transfer::kDone) return {.transfer = switched, .joint = count_};
+  if (const MotorOutcome set = set_watchdogs(); !is_good(set)) return set;
   return {.transfer = write_all(dynamixel::kTorqueEnable, 1), .joint = count_};
 }
 

@@ -23,7 +23,8 @@ class DynamixelMotors final : public LeaderBus {
  public:
   /// @param joints  checked by check_leader()
   /// @throws SetupError  what is wrong with joints and settings, or with the port
-  DynamixelMotors(std::span<const DynamixelJoint> joints, const DynamixelSettings& settings);
+  DynamixelMotors(std::span<const DynamixelJoint> joints, const DynamixelSettings& settings,
+                  Clock& clock);
 
   void set_up() override;
   [[nodiscard]] MotorOutcome enable() noexcept override;
@@ -66,6 +67,10 @@ class DynamixelMotors final : public LeaderBus {
   void set_register(std::size_t joint, unsigned address, std::span<const std::byte> data);
   [[nodiscard]] std::string name_of(std::size_t joint) const;
   [[nodiscard]] DynamixelBlock block_of(std::size_t joint) const noexcept;
+  [[nodiscard]] MotorOutcome set_entry(std::size_t joint, unsigned address,
+                                       std::span<const std::byte> data) noexcept;
+  [[nodiscard]] MotorOutcome set_watchdogs() noexcept;
+  [[nodiscard]] MotorOutcome try_watchdogs() noexcept;
   [[nodiscard]] Transfer send_currents() noexcept;
   [[nodiscard]] Transfer write_all(unsigned address, unsigned value) noexcept;
 
@@ -75,6 +80,7 @@ class DynamixelMotors final : public LeaderBus {
   std::array<DynamixelAnswer, kMostLeaderJoints> answers_{};
   std::size_t count_;
   DynamixelSettings settings_;
+  Clock& clock_;
   DynamixelBus bus_;
   bool is_fast_ = false;
   unsigned block_address_ = 0;

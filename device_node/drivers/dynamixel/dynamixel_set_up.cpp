@@ -11,6 +11,8 @@
 namespace palpate::device {
 namespace {
 
+/// A torque per ampere that is further from the manual's is a wrong unit, not another servo.
+constexpr double kMostOff = 3.0;
 constexpr unsigned kProfileBit = 0x04;  // of the drive mode: nothing that current control uses
 
 }  // namespace
@@ -112,6 +114,14 @@ void DynamixelMotors::identify(std::size_t joint) {
   const double per_ampere = config.torque_newton_m_per_ampere > 0.0
                                 ? config.torque_newton_m_per_ampere
                                 : servo.model->stall_newton_m_per_ampere;
+  const double of_model = servo.model->stall_newton_m_per_ampere;
+  if (per_ampere < of_model / kMostOff || per_ampere > of_model * kMostOff) {
+    throw SetupError("leader " + name +
+                     ": torque_newton_m_per_ampere = " + leader_number(per_ampere) +
+                     ": must be within " + leader_number(of_model / kMostOff) + " … " +
+                     leader_number(of_model * kMostOff) +
+                     ", a factor of 3 about the manual's; is it per mA, or in another unit?");
+  }
   servo.newton_m_per_unit = servo.model->ampere_per_unit * per_ampere;
 }
 

@@ -25,7 +25,7 @@ using LeaderValues = std::array<double, kMostLeaderJoints>;
 struct LeaderJoint {
   int id = 1;               ///< of the motor on its bus
   double sign = 1.0;        ///< 1 or −1
-  double offset_rad = 0.0;  ///< q where the motor says 0
+  double offset_rad = 0.0;  ///< q where the motor says 0, within one turn
   double gear = 1.0;        ///< > 0: turns of the shaft per turn of the joint
   /// The joint's own range, less than a turn of the shaft: which turn an angle belongs to follows
   /// from it. An angle beyond it is a fault.

@@ -18,6 +18,11 @@ using namespace std::chrono_literals;
 constexpr double kTurnRad = 2.0 * std::numbers::pi;
 /// After which a motor that has got torque says in which turn it is now; shorter than a watchdog.
 constexpr Duration kSettling = 5ms;
+/// A pause of so many watchdogs has ended the torque, if there is one: of less than that some may
+/// have passed before the last bytes had left the computer.
+constexpr double kSurelyFired = 2.0;
+constexpr double kMostRadPerS = 100.0;
+constexpr double kMostPlayRad = 0.5;
 /// A command that does not arrive so many times in a row is no accident of the line.
 constexpr unsigned kMostLostCommands = 3;
 
@@ -51,9 +56,12 @@ const char* text_of(LeaderFault fault) {
     case LeaderFault::kRebooted:
       return "has forgotten its watchdog: it has rebooted";
     case LeaderFault::kWatchdogFired:
-      return "its watchdog has ended the torque: no instruction came for the time that it was set";
+      return "its watchdog has ended the torque: no instruction came for the time that it was set. "
+             "Make a new arm; if it happens again, give the loop real-time priority or the "
+             "watchdog more time";
     case LeaderFault::kNoWatchdog:
-      return "does not keep its watchdog: nothing would end a torque";
+      return "does not keep its watchdog: nothing would end a torque. Update its firmware, or "
+             "replace it";
     case LeaderFault::kStale:
       return "repeats a status: its clock stands still";
     case LeaderFault::kWrapped:
@@ -85,7 +93,7 @@ std::string leader_number(double value) {
   return text.data();
 }
 
-void check_leader(std::span<const LeaderJoint> joints, const LeaderSettings& settings,
+void check_leader(std::span<const LeaderJoint> joints, const LeaderSettings& settings, int least_id,
                   int most_id) {
   if (joints.empty() || joints.size() > kMostLeaderJoints) {
     throw SetupError("leader: it has 1 … 8 joints, not " + std::to_string(joints.size()));
@@ -96,13 +104,29 @@ void check_leader(std::span<const LeaderJoint> joints, const LeaderSettings& set
     const auto refuse = [&](const std::string& what) {
       throw SetupError("leader " + leader_joint_name(i, joint.id) + ": " + what);
     };
-    if (joint.id < 0 || joint.id > most_id) refuse("an id is 0 … " + std::to_string(most_id));
+    if (joint.id < least_id || joint.id > most_id) {
+      refuse("an id is " + std::to_string(least_id) + " … " + std::to_string(most_id));
+    }
     if (!ids.insert(joint.id).second) refuse("another joint has this id; give each its own");
     if (joint.sign != 1.0 && joint.sign != -1.0) refuse("sign is 1 or -1");
-    if (!std::isfinite(joint.offset_rad)) refuse("offset_rad is no number");
     if (!is_positive(joint.gear)) refuse("gear must be above 0");
-    if (!is_positive(joint.fastest_rad_per_s)) refuse("fastest_rad_per_s must be above 0");
-    if (!std::isfinite(joint.play_rad) || joint.play_rad < 0.0) refuse("play_rad is 0 or above");
+    const double most_rad = std::max(kTurnRad, kTurnRad / joint.gear);
+    const auto check_angle = [&](const char* name, double rad) {
+      if (std::abs(rad) <= most_rad) return;
+      refuse(std::string(name) + " = " + leader_number(rad) + ": must be within ±" +
+             leader_number(most_rad) + " rad, one turn; is it in degrees?");
+    };
+    check_angle("offset_rad", joint.offset_rad);
+    check_angle("lowest_rad", joint.lowest_rad);
+    check_angle("highest_rad", joint.highest_rad);
+    if (!is_positive(joint.fastest_rad_per_s) || joint.fastest_rad_per_s > kMostRadPerS) {
+      refuse("fastest_rad_per_s = " + leader_number(joint.fastest_rad_per_s) +
+             ": must be above 0, at most " + leader_number(kMostRadPerS) + "; is it in degrees?");
+    }
+    if (!(joint.play_rad >= 0.0 && joint.play_rad <= kMostPlayRad)) {
+      refuse("play_rad = " + leader_number(joint.play_rad) + ": must be 0 … " +
+             leader_number(kMostPlayRad) + " rad; is it in degrees?");
+    }
     const double range_rad = joint.highest_rad - joint.lowest_rad;
     if (!is_positive(range_rad) || range_rad >= kTurnRad / joint.gear) {
       refuse(
@@ -150,6 +174,7 @@ bool LeaderArm::enable() noexcept {
     Transfer transfer = bus_->read();
     if (is_bad_answer(transfer)) transfer = bus_->read();
     if (transfer != Transfer::kDone) return fail_transfer(transfer);
+    spoken_at_ = clock_.now();
     // the first answer says that they have heard it
     if (times == 0) clock_.sleep_until(clock_.now() + kSettling);
   }
@@ -208,6 +233,9 @@ std::string LeaderArm::fault_text() const {
   std::string text = fault_joint_ < count_
                          ? leader_joint_name(fault_joint_, joints_[fault_joint_].id)
                          : "line " + settings_.port;
+  if (fault_ == LeaderFault::kNoWatchdog && fault_joint_ == count_) {
+    text += ", no motor has ended its torque in a pause";
+  }
   text += ": ";
   text += text_of(fault_);
   return text + bus_->detail_text(fault_);
@@ -219,6 +247,8 @@ bool LeaderArm::read(LeaderReading& reading) noexcept {
   if (fault_ != LeaderFault::kNone) return false;
   const TimePoint before = read_at_;
   TimePoint now = clock_.now();
+  const bool has_surely_fired =
+      is_enabled_ && seconds_between(spoken_at_, now) > kSurelyFired * bus_->watchdog_s();
   if (is_enabled_ && now - switched_at_ > from_seconds(settings_.longest_cycle_s)) {
     // nobody knows for how long what was written has acted
     for (std::size_t i = 0; i < count_; ++i) written_[i] = bus_->command(i, 0.0).units;
@@ -234,7 +264,9 @@ bool LeaderArm::read(LeaderReading& reading) noexcept {
   }
   if (transfer != Transfer::kDone) return fail_transfer(transfer);
   now = clock_.now();
+  spoken_at_ = now;
   if (!take_states(Turns::kKeep, seconds_between(before, now), reading)) return false;
+  if (has_surely_fired) return fail(LeaderFault::kNoWatchdog, count_);
   reading.elapsed_s = seconds_between(switched_at_, now) + settings_.longest_delay_s;
   reading.is_known = is_known_;
   reading.repeated = repeated_;
@@ -319,6 +351,7 @@ bool LeaderArm::write(const LeaderValues& torque_newton_m, LeaderValues& made_ne
 
 bool LeaderArm::send() noexcept {
   const Transfer transfer = bus_->write(std::span(written_).first(count_));
+  spoken_at_ = clock_.now();
   return transfer == Transfer::kDone || fail_transfer(transfer);
 }
 

@@ -25,9 +25,10 @@ namespace palpate::device {
 [[nodiscard]] std::string leader_number(double value);
 
 /// What holds of joints and settings on any bus; before a bus is opened.
-/// @param most_id  of a motor on this bus
+/// @param least_id  of a motor on this bus   @param most_id  of a motor on this bus
 /// @throws SetupError  what is wrong, of which joint, and the remedy
-void check_leader(std::span<const LeaderJoint> joints, const LeaderSettings& settings, int most_id);
+void check_leader(std::span<const LeaderJoint> joints, const LeaderSettings& settings, int least_id,
+                  int most_id);
 
 /// The common part of a bus' joints.
 template <class Joint>
@@ -89,6 +90,7 @@ class LeaderArm {
   bool is_known_ = false;       // the torques that were written act since they were
   TimePoint read_at_{};         // the last request
   TimePoint switched_at_{};     // the last write, when it began
+  TimePoint spoken_at_{};       // after the last instruction
   std::uint64_t repeated_ = 0;
 };
 

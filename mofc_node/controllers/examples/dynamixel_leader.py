@@ -31,36 +31,46 @@ def clamp_for(library, leader, joints):
     return JointClamp(library, [
         Port(coulomb=COULOMB, viscous=VISCOUS, resolution=leader.resolution_rad(i),
              v_max=joint.fastest_rad_per_s, peak_effort=PEAK_NEWTON_M)
-        for i, joint in enumerate(joints)], lease_s=leader.lease_s)
+        for i, joint in enumerate(joints)], **leader.clamp_times)
 
 
 def teleoperate(leader, clamp, follower, seconds):
-    """Returns the cycles, and the share of the torque requested that the motors made."""
-    cycles, asked, made = 0, 1e-9, 0.0
+    """Returns the cycles, and of the torque requested the share that was commanded, and the share that
+    the motors made by their own measure of their currents."""
+    cycles, asked, commanded, reported = 0, 1e-9, 0.0, 0.0
     leader.enable()  # limp until here: the person holds the arm
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         begin = time.monotonic()
         q, elapsed_s, is_known = leader.read()
+        reported += sum(map(abs, leader.reported_newton_m))
         torque = [STIFFNESS * (far - x) for far, x in zip(follower.angles(q), q)]
         sent = clamp.step(q, torque, elapsed_s, is_known)
         acted = leader.write(sent)
         clamp.acts(acted)
-        cycles, asked, made = cycles + 1, asked + sum(map(abs, torque)), made + sum(map(abs, acted))
+        cycles += 1
+        asked += sum(map(abs, torque))
+        commanded += sum(map(abs, acted))
         time.sleep(max(0.0, PERIOD_S - (time.monotonic() - begin)))
-    return cycles, made / asked
+    return cycles, commanded / asked, reported / asked
 
 
 def run(make_leader, joints):
     """make_leader(library, port) is of palpate_controllers. Returns the status of the program."""
+    if len(sys.argv) < 3:
+        print(sys.modules["__main__"].__doc__)
+        return 2
     library = load(sys.argv[1])
     seconds = float(sys.argv[3]) if len(sys.argv) > 3 else 10.0
     try:
         with make_leader(library, sys.argv[2]) as leader:
             print(leader.description, end="", flush=True)
             clamp = clamp_for(library, leader, joints)
-            cycles, share = teleoperate(leader, clamp, Follower(), seconds)
-            print(f"{cycles / seconds:.0f} Hz, {100 * share:.0f} % of the torque made", flush=True)
+            cycles, share, reported = teleoperate(leader, clamp, Follower(), seconds)
+            print(f"{cycles / seconds:.0f} Hz; of the torque requested {100 * share:.0f} % was commanded; the "
+                  f"motors report {100 * reported:.0f} %", flush=True)
+            if reported < 0.5 * share:
+                print("the motors make less than they are told: is their supply on?", flush=True)
     except LeaderFault as fault:
         print(f"limp: {fault}")
         return 1

@@ -3,6 +3,7 @@
 
 from ctypes import (CDLL, CFUNCTYPE, POINTER, Structure, byref, c_char_p, c_double, c_int, c_size_t,
                     c_uint, c_ulonglong, c_void_p, create_string_buffer, pointer)
+from warnings import warn
 
 Vector3 = c_double * 3
 Numbers = POINTER(c_double)  # a callback gets a pointer where C says double[3]; Vector3 would be by value
@@ -35,7 +36,22 @@ PORTS = 8  # PALPATE_MOST_PORTS
 Efforts = c_double * PORTS
 
 
-class Port(Structure):
+def _check_names(kind, given, known):
+    """ctypes takes any keyword: one that is misspelt would leave its field at 0."""
+    for name in given:
+        if name not in known:
+            raise TypeError(f"{kind.__name__} has no {name!r}; it has {', '.join(known)}")
+
+
+class _Named(Structure):
+    """A struct that refuses keywords that are none of its fields."""
+
+    def __init__(self, *values, **named):
+        _check_names(type(self), named, [name for name, _ in self._fields_])
+        super().__init__(*values, **named)
+
+
+class Port(_Named):
     _fields_ = [("viscous", c_double), ("coulomb", c_double), ("resolution", c_double),
                 ("v_max", c_double), ("peak_effort", c_double), ("priority", c_int)]
 
@@ -62,45 +78,99 @@ class PortOutput(Structure):
 class JointClamp:
     """Mode guard for the joints of a leader arm whose torque is set once per reading."""
 
-    def __init__(self, library, ports, **settings):
-        """ports: a Port each. settings: lease_s, credit_cap_joule, … of palpate_ports_set."""
-        self._library = library
-        self._ports = library.palpate_ports_create((Port * len(ports))(*ports), len(ports))
+    def __init__(self, library, ports, lease_s=0.002, earliest_end_s=None, delay_s=None, **settings):
+        """ports: a Port each. settings: credit_cap_joule, … of palpate_ports_set.
+        lease_s: the motors end a torque by themselves after this at the latest. earliest_end_s: and no
+        earlier than after this; half of lease_s if it is not given. delay_s: a torque acts this long
+        after the reading that it answers, at the latest; half of earliest_end_s if it is not given.
+        The times of a leader of this module are leader.clamp_times."""
+        self._library, self._ports = library, None
+        made = (Port * len(ports))(*ports)
+        error = create_string_buffer(200)
+        if not library.palpate_ports_check(made, len(ports), error, len(error)):
+            raise ValueError(error.value.decode())
+        self._end_s = 0.5 * lease_s if earliest_end_s is None else earliest_end_s
+        self._delay_s = 0.5 * self._end_s if delay_s is None else delay_s
+        if not 0.0 <= self._delay_s < self._end_s <= max(lease_s, settings.get("longest_lease_s", 0.0)):
+            raise ValueError(f"delay_s = {self._delay_s}, earliest_end_s = {self._end_s}, lease_s = {lease_s}: "
+                             "must be 0 <= delay_s < earliest_end_s <= lease_s")
+        for port in made:  # a reading is then right to half of it also where the torque begins
+            port.resolution += 2.0 * port.v_max * self._delay_s
+        self._ports = library.palpate_ports_create(made, len(ports))
         if not self._ports:
-            raise ValueError("a port has a number out of its range")
-        for name, value in settings.items():
+            raise MemoryError
+        for name, value in {"lease_s": lease_s, **settings}.items():
             if library.palpate_ports_set(self._ports, name.encode(), value) != 0:
-                raise ValueError(f"{name} = {value}")
+                raise ValueError(self._error())
         self._count = len(ports)
-        self._last = PortStretch()
+        # of a torque that came late: how long the one before went on, then itself
+        self._echo = (PortStretch * 2)(PortStretch(is_end_unknown=1))
+        self._last = self._echo[1]
+        self._late_s, self._is_known = 0.0, True
         self._input = PortInput(applied=pointer(self._last))
         self.output = PortOutput()
+        self.gaps = 0  # steps that cost the credit, as it was not known what had acted
+        self._long_s = []  # of periods in a row that were too long
+
+    def _error(self):
+        return self._library.palpate_ports_error(self._ports).decode()
+
+    def _check_count(self, **lists):
+        for name, values in lists.items():
+            if len(values) != self._count:
+                raise ValueError(f"{name} has {len(values)} numbers; the clamp has {self._count} ports")
+
+    def _note_period(self, elapsed_s, is_short):
+        """Without this word a loop that is too slow for its lease has no force, and nobody knows why."""
+        if is_short or self._long_s is None or not self._input.applied_count:
+            self._long_s = None if self._long_s is None else []
+            return
+        self._long_s.append(elapsed_s)
+        if len(self._long_s) == 20:
+            warn(f"no torque beyond friction: elapsed_s + delay_s = {min(self._long_s):g} + {self._delay_s:g} s or "
+                 f"more, beyond earliest_end_s = {self._end_s:g} s. Say delay_s and earliest_end_s as they are, or "
+                 "make the loop faster or the lease longer", RuntimeWarning, stacklevel=3)
+            self._long_s = None
 
     def step(self, position, requested, elapsed_s, is_known=True, stored_joule=0.0):
-        """position: the readings now, in rad; requested: N·m on the hand; elapsed_s: since the step
-        before; is_known: the last answer acted all that time, which it does not if that was longer
-        than its lease; stored_joule: elastic energy behind the request, which it may give back.
-        Returns what to send, in N·m."""
+        """position: the readings now, in rad; requested: N·m on the hand; elapsed_s: since the reading
+        before; is_known: the last answer acted all that time; stored_joule: elastic energy behind the
+        request, which it may give back. Returns what to send, in N·m."""
+        self._check_count(position=position, requested=requested)
         step, last = self._input, self._last
         for i in range(self._count):
             step.position[i] = last.position_at_end[i] = position[i]
             step.requested_effort_on_hand[i] = requested[i]
-        last.duration_s = elapsed_s
+        last.duration_s = elapsed_s + self._delay_s if elapsed_s >= 0.0 else elapsed_s
         step.stored_energy_joule = stored_joule
-        is_leased = elapsed_s <= (1.0 + 1e-9) * self.output.lease_s
-        step.has_gap = not (is_known and is_leased)
+        # beyond this it is not known where the motors have let go
+        end_s = min(self._end_s, self.output.lease_s)
+        step.has_gap = not (is_known and self._is_known and last.duration_s <= (1.0 + 1e-9) * end_s)
+        self._note_period(elapsed_s, last.duration_s <= (1.0 + 1e-9) * end_s)
+        self._echo[0].duration_s = self._late_s
+        step.applied = pointer(self._echo[0] if self._late_s > 0.0 else last)
+        if step.applied_count:
+            step.applied_count = 2 if self._late_s > 0.0 else 1
+            self.gaps += step.has_gap
         status = self._library.palpate_ports_step(self._ports, byref(step), byref(self.output))
         step.applied_count = 1
+        self._late_s, self._is_known = 0.0, True
         for i in range(self._count):  # all zero where the status is not 0
+            self._echo[0].effort_on_hand[i] = last.effort_on_hand[i]
             last.effort_on_hand[i] = step.acting_effort_on_hand[i] = self.output.effort_on_hand[i]
         if status != 0:
-            raise ValueError(f"palpate_ports_step: status {status}")
+            raise ValueError(self._error())
         return self.output.effort_on_hand[: self._count]
 
-    def acts(self, effort):
-        """What the motors made of the last answer, where they round it or cut it off."""
+    def acts(self, effort, delay_s=None):
+        """What the motors made of the last answer, where they round it or cut it off; and how long after
+        the reading it was with them. One later than promised costs what the one before may have drawn."""
+        self._check_count(effort=effort)
         for i in range(self._count):
             self._last.effort_on_hand[i] = self._input.acting_effort_on_hand[i] = effort[i]
+        if delay_s is not None and not delay_s <= self._delay_s:
+            self._is_known = delay_s > self._delay_s and any(effort)
+            self._late_s = delay_s - self._delay_s if self._is_known else 0.0
 
     def __del__(self):
         if getattr(self, "_ports", None):
@@ -108,7 +178,7 @@ class JointClamp:
             self._ports = None
 
 
-class JointPlace(Structure):
+class JointPlace(_Named):
     """How a joint lies to its motor: palpate_leader.h."""
     _fields_ = [("sign", c_double), ("offset_rad", c_double), ("gear", c_double),
                 ("lowest_rad", c_double), ("highest_rad", c_double),
@@ -117,17 +187,19 @@ class JointPlace(Structure):
                  "fastest_rad_per_s": 6.0}
 
 
-class LeaderTimes(Structure):
+class LeaderTimes(_Named):
     _fields_ = [("answer_limit_s", c_double), ("longest_delay_s", c_double),
                 ("longest_cycle_s", c_double)]
     _defaults = {"answer_limit_s": 0.010, "longest_delay_s": 0.006, "longest_cycle_s": 0.020}
 
 
-class _Placed(Structure):
+class _Placed(_Named):
     """A motor and its joint: the fields of JointPlace are given, and read, as its own."""
 
     def __init__(self, id, **values):
         names = [name for name, _ in JointPlace._fields_]
+        _check_names(type(self), values,
+                     [name for name, _ in self._fields_ if name not in ("id", "place")] + names)
         place = {name: values.pop(name) for name in names if name in values}
         super().__init__(id=id, place=JointPlace(**{**JointPlace._defaults, **place}),
                          **{**self._defaults, **values})
@@ -153,13 +225,13 @@ class DamiaoJoint(_Placed):
         super().__init__(id, model=model.encode(), **values)
 
 
-class DynamixelSettings(Structure):
+class DynamixelSettings(_Named):
     _fields_ = [("port", c_char_p), ("times", LeaderTimes), ("bits_per_second", c_uint),
                 ("watchdog_units", c_int), ("may_write_eeprom", c_int)]
     _defaults = {"bits_per_second": 1_000_000, "watchdog_units": 1}
 
 
-class DamiaoSettings(Structure):
+class DamiaoSettings(_Named):
     _fields_ = [("port", c_char_p), ("times", LeaderTimes), ("is_fd", c_int),
                 ("timeout_s", c_double)]
     _defaults = {"is_fd": 1, "timeout_s": 0.020}
@@ -181,6 +253,9 @@ class _Leader:
     def __init__(self, library, joints, port, **settings):
         """joints: one each. settings: of LeaderTimes and of the bus."""
         self._library, self._handle = library, None
+        _check_names(type(self), settings,
+                     [name for name, _ in self._settings._fields_ if name not in ("port", "times")]
+                     + list(LeaderTimes._defaults))
         times = {name: settings.pop(name) for name in LeaderTimes._defaults if name in settings}
         made = self._settings(port=port.encode(),
                               times=LeaderTimes(**{**LeaderTimes._defaults, **times}),
@@ -193,7 +268,11 @@ class _Leader:
         self.count = len(joints)
         self.lease_s = library.palpate_leader_lease_s(self._handle)
         self.description = library.palpate_leader_description(self._handle).decode()
+        # for JointClamp: delays are in resolution_rad() and in elapsed_s, and a watchdog that has ended a
+        # torque is a fault
+        self.clamp_times = {"lease_s": self.lease_s, "earliest_end_s": self.lease_s, "delay_s": 0.0}
         self._torque, self._made = Efforts(), Efforts()
+        self.reported_newton_m = [0.0] * self.count
 
     def resolution_rad(self, joint):
         """That of the clamp's port."""
@@ -214,10 +293,12 @@ class _Leader:
         """Returns (angles in rad, elapsed_s, is_known), as JointClamp.step() wants them."""
         reading = LeaderReading()
         self._check(self._library.palpate_leader_read(self._handle, byref(reading)))
+        self.reported_newton_m = reading.torque_newton_m[: self.count]  # by what they measure
         return reading.position_rad[: self.count], reading.elapsed_s, bool(reading.is_known)
 
     def write(self, torque):
-        """Returns what the motors make of it, in N·m: 0 before enable()."""
+        """Returns what the motors are to make of it, in N·m: 0 before enable(). reported_newton_m says what
+        they made of the one before, by their own measure."""
         self._torque[: self.count] = torque
         self._check(self._library.palpate_leader_write(self._handle, self._torque, self._made))
         return self._made[: self.count]
@@ -264,6 +345,9 @@ def load(path):
     library.palpate_ports_create.restype = c_void_p
     library.palpate_ports_set.argtypes = [c_void_p, c_char_p, c_double]
     library.palpate_ports_step.argtypes = [c_void_p, POINTER(PortInput), POINTER(PortOutput)]
+    library.palpate_ports_check.argtypes = [POINTER(Port), c_size_t, c_char_p, c_size_t]
+    library.palpate_ports_error.argtypes = [c_void_p]
+    library.palpate_ports_error.restype = c_char_p
     library.palpate_ports_destroy.argtypes = [c_void_p]
     library.palpate_ports_destroy.restype = None
     for bus in (DynamixelLeader, DamiaoLeader):

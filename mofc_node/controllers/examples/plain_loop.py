@@ -12,6 +12,9 @@ from palpate_controllers import Input, Output, Stretch, load
 
 T, F_D, F_CO, K = 0.001, 0.1, 0.1, 3000.0  # period, friction of the device, wall
 
+if len(sys.argv) < 2:
+    print(__doc__)
+    sys.exit(2)
 library = load(sys.argv[1])
 controller = library.palpate_controller_create((sys.argv[2:] or ["guard"])[0].encode())
 for name, value in {"rate_hz": 1 / T, "lease_s": T, "viscous_newton_s_per_m": F_D,

@@ -52,6 +52,7 @@ class TwoArms:
         self.trace = []
 
     def read_leader(self):
+        self.trace.append(self.leader.q[:])
         return [Q * round(x / Q) for x in self.leader.q]
 
     def follower_as_seen(self):
@@ -82,7 +83,6 @@ class TwoArms:
             self._to_follower.append((self.leader.q[:], self.leader.v[:]))
             self._to_leader.append(self.follower.q[:])
             self.time_s += STEP_S
-        self.trace.append(self.leader.q[:])
 
     def shake_deg(self, period_s):
         """rms of the leader's angles about their mean over a quarter of a second."""

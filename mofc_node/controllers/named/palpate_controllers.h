@@ -159,7 +159,11 @@ typedef struct palpate_port_stretch {
   int is_end_unknown;                         /**< not 0: the position at the end was not read */
 } palpate_port_stretch;
 
-/** One step of the clamp. Every number but the request must be finite. */
+/** One step of the clamp. Every number but the request must be finite, positions and efforts within
+ * 1e9. A position that no hand explains (an angle that wraps, one that changes in no time) counts
+ * as has_gap. A program that does not know where an effort begins to act, but no later than delay
+ * after the reading, gives stretches from reading to reading, adds delay to each duration_s and
+ * 2 * v_max * delay to each resolution. */
 typedef struct palpate_port_input {
   double position[PALPATE_MOST_PORTS]; /**< measured now */
   /** What acted since the previous step, in time order, without gaps, up to position; NULL where
@@ -169,8 +173,8 @@ typedef struct palpate_port_input {
   int has_gap;          /**< not 0: it is not known what acted; credit is forfeited */
   double acting_effort_on_hand[PALPATE_MOST_PORTS]; /**< acts now, until it is replaced */
   double acting_lease_s; /**< it ends by itself after this time; <= 0: not known */
-  /** What the follower, or a program, wants rendered. One that is not finite counts as none on any
-   * port. */
+  /** What the follower, or a program, wants rendered. One that is not finite, or beyond 1e9, counts
+   * as none on any port. */
   double requested_effort_on_hand[PALPATE_MOST_PORTS];
   int is_request_held;        /**< not 0: the same evaluation as in the last step */
   double stored_energy_joule; /**< elastic energy that the request may give back; 0: not known */
@@ -192,9 +196,15 @@ typedef struct palpate_port_output {
  * PALPATE_MOST_PORTS, or without memory. Settings are those of palpate_setting_name that guard
  * has: lease_s, longest_lease_s, delta_max_s, credit_cap_joule, gate_joule, gate_recovery_s. */
 PALPATE_API palpate_ports* palpate_ports_create(const palpate_port* ports, size_t count);
+/** Says why palpate_ports_create refuses these ports. Returns 1, or 0 where it does.
+ * @param ports  as there   @param count  as there
+ * @param error  receives port, field, value and rule; "" for 1   @param size  bytes of error */
+PALPATE_API int palpate_ports_check(const palpate_port* ports, size_t count, char* error,
+                                    size_t size);
 /** Frees a clamp. NULL is allowed. */
 PALPATE_API void palpate_ports_destroy(palpate_ports* ports);
-/** Changes a setting and begins anew, as palpate_controller_set. */
+/** Changes a setting and begins anew, as palpate_controller_set. longest_lease_s counts from
+ * lease_s on: below it no effort outlives lease_s. */
 PALPATE_API palpate_status palpate_ports_set(palpate_ports* ports, const char* setting,
                                              double value);
 /** Back to the initial state, for a new session of the device. Allocates nothing. */
@@ -203,6 +213,9 @@ PALPATE_API palpate_status palpate_ports_reset(palpate_ports* ports);
  * acts until the next step counts as not known. Allocates nothing, does not block. */
 PALPATE_API palpate_status palpate_ports_step(palpate_ports* ports, const palpate_port_input* input,
                                               palpate_port_output* output);
+/** What the last palpate_ports_set or palpate_ports_step refused: field, value, rule. "" if
+ * nothing. Valid until the next call for this handle. */
+PALPATE_API const char* palpate_ports_error(const palpate_ports* ports);
 
 #ifdef __cplusplus
 }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <memory>
 #include <new>
@@ -11,6 +12,7 @@
 #include "mofc_node/controllers/named/palpate_controllers.h"
 #include "mofc_node/controllers/ports/port_guard.h"
 
+using palpate::controllers::is_plausible;
 using palpate::controllers::kMostPorts;
 using palpate::controllers::PortGuard;
 using palpate::controllers::PortGuardParameters;
@@ -47,22 +49,77 @@ PortValues values_of(const double (&values)[kMostPorts], std::size_t count) {
   return taken;
 }
 
-bool all_finite(const double (&values)[kMostPorts], std::size_t count) {
-  return std::all_of(std::begin(values), std::begin(values) + count,
-                     [](double value) { return std::isfinite(value); });
+bool is_not_negative(double value) { return is_plausible(value) && value >= 0.0; }
+
+/// One line for a person.
+using Text = std::array<char, 200>;
+
+/// Whether `values` can be what they are said to be; if not, `text` says which is not.
+bool are_plausible(const double (&values)[kMostPorts], std::size_t count, const char* what,
+                   Text& text) {
+  for (std::size_t i = 0; i < count; ++i) {
+    if (is_plausible(values[i])) continue;
+    std::snprintf(text.data(), text.size(), "port %zu: %s = %g: must be a number within ±1e9", i,
+                  what, values[i]);
+    return false;
+  }
+  return true;
 }
 
-bool is_not_negative(double value) { return std::isfinite(value) && value >= 0.0; }
-
-bool is_finite(const palpate_port_input& input, std::size_t count) {
-  bool is_good = std::isfinite(input.acting_lease_s) && std::isfinite(input.stored_energy_joule) &&
-                 all_finite(input.position, count) &&
-                 all_finite(input.acting_effort_on_hand, count);
-  for (const palpate_port_stretch& s : std::span(input.applied, input.applied_count)) {
-    is_good = is_good && is_not_negative(s.duration_s) && all_finite(s.effort_on_hand, count) &&
-              (s.is_end_unknown != 0 || all_finite(s.position_at_end, count));
+bool is_plausible(const palpate_port_input& input, std::size_t count, Text& text) {
+  if (!are_plausible(input.position, count, "position", text) ||
+      !are_plausible(input.acting_effort_on_hand, count, "acting_effort_on_hand", text)) {
+    return false;
   }
-  return is_good;
+  if (!std::isfinite(input.acting_lease_s) || !std::isfinite(input.stored_energy_joule)) {
+    std::snprintf(text.data(), text.size(),
+                  "acting_lease_s = %g, stored_energy_joule = %g: must be finite",
+                  input.acting_lease_s, input.stored_energy_joule);
+    return false;
+  }
+  for (const palpate_port_stretch& s : std::span(input.applied, input.applied_count)) {
+    if (!is_not_negative(s.duration_s)) {
+      std::snprintf(text.data(), text.size(),
+                    "duration_s = %g of a stretch: must be 0 or above, at most 1e9", s.duration_s);
+      return false;
+    }
+    if (!are_plausible(s.effort_on_hand, count, "effort_on_hand of a stretch", text) ||
+        (s.is_end_unknown == 0 &&
+         !are_plausible(s.position_at_end, count, "position_at_end of a stretch", text))) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// Whether a clamp can be made for these; if not, `text` says why.
+bool are_good(const palpate_port* ports, std::size_t count, Text& text) {
+  if (ports == nullptr || count == 0 || count > kMostPorts) {
+    std::snprintf(text.data(), text.size(), "a clamp has 1 … %zu ports, not %zu", kMostPorts,
+                  ports == nullptr ? 0 : count);
+    return false;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const palpate_port& port = ports[i];
+    struct Field {
+      const char* name;
+      double value;
+    };
+    for (const auto& [name, value] :
+         {Field{"viscous", port.viscous}, Field{"coulomb", port.coulomb},
+          Field{"resolution", port.resolution}, Field{"v_max", port.v_max},
+          Field{"peak_effort", port.peak_effort}}) {
+      if (is_not_negative(value)) continue;
+      std::snprintf(text.data(), text.size(), "port %zu: %s = %g: must be 0 or above, at most 1e9",
+                    i, name, value);
+      return false;
+    }
+    if (port.v_max > 0.0) continue;
+    std::snprintf(text.data(), text.size(),
+                  "port %zu: v_max = 0: must be above 0, the fastest that the hand ever is", i);
+    return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -73,6 +130,7 @@ struct palpate_ports {
   PortGuard guard;
   std::array<PortStretch, kMostStretches> stretches{};
   bool is_next_a_gap = false;
+  Text text{};  // what was refused last
 
   void begin_anew() noexcept {
     guard = PortGuard(raised_for_one_hold(parameters, peak_effort));
@@ -80,17 +138,25 @@ struct palpate_ports {
   }
 };
 
+int palpate_ports_check(const palpate_port* ports, size_t count, char* error, size_t size) {
+  Text text{};
+  const bool is_good = are_good(ports, count, text);
+  if (error != nullptr && size > 0) std::snprintf(error, size, "%s", text.data());
+  return is_good ? 1 : 0;
+}
+
+const char* palpate_ports_error(const palpate_ports* ports) {
+  return ports == nullptr ? "no clamp" : ports->text.data();
+}
+
 palpate_ports* palpate_ports_create(const palpate_port* ports, size_t count) {
-  if (ports == nullptr || count == 0 || count > kMostPorts) return nullptr;
-  PortGuardParameters parameters{.count = count,
-                                 .times = {.hold_s = 0.002, .longest_lease_s = 0.002}};
+  Text text{};
+  if (!are_good(ports, count, text)) return nullptr;
+  // no command outlives lease_s unless longest_lease_s says so
+  PortGuardParameters parameters{.count = count, .times = {.hold_s = 0.002}};
   PortValues peak_effort{};
   for (std::size_t i = 0; i < count; ++i) {
     const palpate_port& port = ports[i];
-    const bool is_good = is_not_negative(port.viscous) && is_not_negative(port.coulomb) &&
-                         is_not_negative(port.resolution) && is_not_negative(port.peak_effort) &&
-                         is_not_negative(port.v_max) && port.v_max > 0.0;
-    if (!is_good) return nullptr;
     parameters.ports[i] = {.f_d = port.viscous,
                            .f_co = port.coulomb,
                            .q = port.resolution,
@@ -109,14 +175,24 @@ void palpate_ports_destroy(palpate_ports* ports) { delete ports; }
 
 palpate_status palpate_ports_set(palpate_ports* ports, const char* setting, double value) {
   if (ports == nullptr || setting == nullptr) return PALPATE_NULL_POINTER;
+  Text& text = ports->text;
+  text.front() = '\0';
   for (const Setting& known : kSettings) {
     if (std::string_view(known.name) != setting) continue;
     if (!is_not_negative(value) || (value == 0.0 && !known.is_zero_allowed)) {
+      std::snprintf(text.data(), text.size(), "%s = %g: must be %s 0, at most 1e9", setting, value,
+                    known.is_zero_allowed ? "at least" : "above");
       return PALPATE_OUT_OF_RANGE;
     }
     known.of(ports->parameters) = value;
     ports->begin_anew();
     return PALPATE_OK;
+  }
+  int end = std::snprintf(text.data(), text.size(), "%.40s: there is no such setting; there are",
+                          setting);
+  for (const Setting& known : kSettings) {
+    end += std::snprintf(text.data() + end, text.size() - static_cast<std::size_t>(end), " %s",
+                         known.name);
   }
   return PALPATE_UNKNOWN_NAME;
 }
@@ -136,7 +212,9 @@ palpate_status palpate_ports_step(palpate_ports* ports, const palpate_port_input
   const std::size_t used = ports->parameters.count;
   const bool has_stretches =
       input != nullptr && (input->applied != nullptr || input->applied_count == 0);
-  if (!has_stretches || !is_finite(*input, used)) {
+  ports->text.front() = '\0';
+  if (!has_stretches) std::snprintf(ports->text.data(), ports->text.size(), "input is NULL");
+  if (!has_stretches || !is_plausible(*input, used, ports->text)) {
     ports->is_next_a_gap = true;
     return has_stretches ? PALPATE_NOT_FINITE : PALPATE_NULL_POINTER;
   }

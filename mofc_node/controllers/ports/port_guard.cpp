@@ -10,11 +10,11 @@ namespace {
 /// A reading that takes more than so many times v_max is none.
 constexpr double kImpossible = 2.0;
 
-/// The request, or none where a part of it is no number.
-PortValues finite(const PortValues& values, std::size_t count) {
+/// The request, or none where a part of it is no effort.
+PortValues plausible(const PortValues& values, std::size_t count) {
   PortValues taken{};
   for (std::size_t i = 0; i < count; ++i) {
-    if (!std::isfinite(values[i])) return {};
+    if (!is_plausible(values[i])) return {};
     taken[i] = values[i];
   }
   return taken;
@@ -43,23 +43,26 @@ PortGuard::PortGuard(const PortGuardParameters& parameters)
 void PortGuard::reset() noexcept {
   pool_.reset();
   gate_.open();
+  has_begun_ = false;
   contact_work_joule_ = 0.0;
   moved_since_fresh_ = {};
   requested_ = {};
 }
 
-PortOutput PortGuard::step(const PortInput& input) noexcept {
+PortOutput PortGuard::step(const PortInput& reported) noexcept {
   const std::size_t count = pool_.clamp().count();
+  const Motion motion = follow(reported);
+  PortInput input = reported;
+  input.has_gap = input.has_gap || motion.is_impossible;
   const auto [elapsed_s, work_joule] = pool_.book(input);
-  const Motion motion = follow(input, elapsed_s);
-  const PortValues requested = finite(input.requested_effort_on_hand, count);
+  note_motion(input, motion, elapsed_s);
+  const PortValues requested = plausible(input.requested_effort_on_hand, count);
 
   // the cap, the gate
   const bool is_requested = requested != PortValues{};
   contact_work_joule_ = is_requested ? contact_work_joule_ + work_joule : 0.0;
   pool_.limit(credit_cap_joule_ + std::max({0.0, input.stored_energy_joule,
                                             std::min(contact_work_joule_, contact_credit_joule_)}));
-  if (motion.is_impossible) pool_.forfeit(input.position);
   update_gate(input, requested, elapsed_s);
 
   // the bound, closed by the gate
@@ -73,24 +76,56 @@ PortOutput PortGuard::step(const PortInput& input) noexcept {
   return output;
 }
 
-/// How the hand moved; after a gap that is not known.
-PortGuard::Motion PortGuard::follow(const PortInput& input, double elapsed_s) noexcept {
+/// How the hand moved from reading to reading; of a gap that is not known. A reading that no hand
+/// explains is found where it comes: two of them may cancel.
+PortGuard::Motion PortGuard::follow(const PortInput& input) const noexcept {
   Motion motion;
-  for (std::size_t i = 0; i < pool_.clamp().count(); ++i) {
-    const double moved = elapsed_s > 0.0 ? input.position[i] - position_[i] : 0.0;
+  if (!has_begun_ || input.has_gap) return motion;
+  const std::size_t count = pool_.clamp().count();
+  PortValues from = position_;
+  PortValues doubt{};
+  double since_s = 0.0;
+  double elapsed_s = 0.0;
+  const auto moves_to = [&](const PortValues& to) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const Port& port = pool_.clamp().port(i);
+      const double surely = std::abs(to[i] - from[i]) - port.q - doubt[i];
+      motion.is_impossible = motion.is_impossible || surely > kImpossible * port.v_max * since_s;
+    }
+    from = to;
+    doubt = {};
+    since_s = 0.0;
+  };
+  for (const PortStretch& stretch : input.applied) {
+    since_s += stretch.duration_s;
+    elapsed_s += stretch.duration_s;
+    for (std::size_t i = 0; i < count; ++i) doubt[i] += stretch.doubt[i];
+    if (stretch.has_position_at_end) moves_to(stretch.position_at_end);
+  }
+  moves_to(input.position);
+  for (std::size_t i = 0; i < count; ++i) {
     const Port& port = pool_.clamp().port(i);
+    const double moved = elapsed_s > 0.0 ? input.position[i] - position_[i] : 0.0;
     const double surely = std::abs(moved) - port.q;
     const double most = port.v_max * elapsed_s;
-    motion.is_too_fast = motion.is_too_fast || surely > most;
+    motion.is_too_fast = motion.is_too_fast || motion.is_impossible || surely > most;
     motion.is_impossible = motion.is_impossible || surely > kImpossible * most;
-    moved_since_fresh_[i] += moved;
-  }
-  position_ = input.position;
-  if (input.has_gap) {
-    requested_ = {};
-    moved_since_fresh_ = {};
   }
   return motion;
+}
+
+void PortGuard::note_motion(const PortInput& input, const Motion& motion,
+                            double elapsed_s) noexcept {
+  if (input.has_gap || motion.is_impossible) {
+    requested_ = {};
+    moved_since_fresh_ = {};
+  } else if (elapsed_s > 0.0) {
+    for (std::size_t i = 0; i < pool_.clamp().count(); ++i) {
+      moved_since_fresh_[i] += input.position[i] - position_[i];
+    }
+  }
+  position_ = input.position;
+  has_begun_ = true;
 }
 
 void PortGuard::update_gate(const PortInput& input, const PortValues& requested,

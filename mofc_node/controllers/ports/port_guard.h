@@ -39,10 +39,11 @@ struct PortGuardParameters {
 /// Mode `guard` (GuardMofc) for up to eight ports of any units: E(t) ≥ 0 for all t, any hand within
 /// v_max on every port, any request. What is requested may come from anywhere: a wrench through the
 /// transposed Jacobian of the measured pose, the follower arm, a number that is wrong. An effort
-/// that is not finite counts as no effort on any port.
+/// that is not plausible counts as no effort on any port.
 ///
 /// A reading that no hand of twice v_max explains (an angle that wraps, a joint that reports
-/// another one's) costs the credit; a debt that it makes stays.
+/// another one's, a position unlike the end of the last stretch, one that changes in no time) is a
+/// gap: it costs the credit.
 ///
 /// The rest is as in GuardMofc, with the power Σ |F_i| v_max,i in place of |F| where the gate
 /// compares efforts. step() once per reading: no allocation, no lock, no throw. One thread.
@@ -53,8 +54,8 @@ class PortGuard {
   /// Returns to the initial state, for a new device session.
   void reset() noexcept;
   /// Books what acted, limits the credit, and grants efforts with their lease. Every number of the
-  /// input but the requested efforts, acting_lease_s and energy_limit_joule must be finite.
-  [[nodiscard]] PortOutput step(const PortInput& input) noexcept;
+  /// input but the requested efforts, acting_lease_s and energy_limit_joule must be plausible.
+  [[nodiscard]] PortOutput step(const PortInput& reported) noexcept;
 
  private:
   /// What the readings say of the hand.
@@ -62,13 +63,15 @@ class PortGuard {
     bool is_too_fast = false;    // surely faster than v_max on some port
     bool is_impossible = false;  // surely faster than any hand
   };
-  Motion follow(const PortInput& input, double elapsed_s) noexcept;
+  [[nodiscard]] Motion follow(const PortInput& input) const noexcept;
+  void note_motion(const PortInput& input, const Motion& motion, double elapsed_s) noexcept;
   void update_gate(const PortInput& input, const PortValues& requested, double elapsed_s) noexcept;
 
   double credit_cap_joule_;
   double contact_credit_joule_;
   PortPool pool_;
   LeakGate gate_;
+  bool has_begun_ = false;
   double contact_work_joule_ = 0.0;  // W_c
   PortValues position_{};            // x of the step before
   PortValues moved_since_fresh_{};   // Δx since F_e was last evaluated

@@ -82,8 +82,6 @@ class PortPool {
 
   /// E′ ← min(E′, joule).
   void limit(double joule) noexcept { ledger_.limit(joule); }
-  /// E′ ← min(E′, 0), from this measured position on.
-  void forfeit(const PortValues& position) noexcept { ledger_.forfeit(position); }
   /// PortLedger::dissipated_joule.
   [[nodiscard]] double dissipated_joule() const noexcept { return ledger_.dissipated_joule(); }
   /// That of the ports.

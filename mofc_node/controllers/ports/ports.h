@@ -22,6 +22,14 @@ inline constexpr std::size_t kMostPorts = 8;
 /// 0 in an answer.
 using PortValues = std::array<double, kMostPorts>;
 
+/// No position and no effort of an arm is larger, in whatever unit. Larger numbers are as good as
+/// none: their products leave the range of a double.
+inline constexpr double kMostPlausible = 1e9;
+/// False for NaN.
+[[nodiscard]] constexpr bool is_plausible(double value) noexcept {
+  return value >= -kMostPlausible && value <= kMostPlausible;
+}
+
 /// One port: lower bounds of its friction f_d v + f_co sgn v, its encoder and the fastest hand. The
 /// frictions of different ports add up, so three axes of an isotropic friction f_co v/|v| may count
 /// f_co/√3 each. Lemma: three_pools.
@@ -56,7 +64,7 @@ struct PortInput {
   double acting_lease_s = std::numeric_limits<double>::infinity();
   /// The device itself covers commands by no more than this energy at t_k; infinite: by any.
   double energy_limit_joule = std::numeric_limits<double>::infinity();
-  PortValues requested_effort_on_hand{};  ///< F_e(k); one that is not finite counts as none at all
+  PortValues requested_effort_on_hand{};  ///< F_e(k); one not plausible counts as none at all
   /// F_e(k) was evaluated since the previous step; false: it is held.
   bool is_request_fresh = true;
   /// Elastic energy in the environment that it may give back to the hand; 0 where unknown.

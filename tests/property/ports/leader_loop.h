@@ -135,7 +135,8 @@ struct LeaderCase {
   PortGuardParameters parameters;
   LeaderTiming timing;
   bool is_clamped = true;          // false: the requested efforts, as they are
-  bool sees_gaps = true;           // false: a lost echo is taken for one that says all
+  bool sees_gaps = true;           // false: a lost echo is taken for one that says all,
+  bool loses_stretches = false;    // false: and that nothing acted
   bool ignores_deadlines = false;  // answers that come too late are used
   int rendered = 0;                // ticks with more than friction absorbs, on some port
 };
@@ -177,7 +178,11 @@ class LeaderLoop {
       if (!random_.chance(t.lost_states)) {
         if (random_.chance(t.lost_echoes)) {
           has_gap = case_.sees_gaps;
-          echo_.clear();
+          if (case_.sees_gaps || case_.loses_stretches) {
+            echo_.clear();
+          } else {
+            for (PortStretch& stretch : echo_) stretch.effort_on_hand = {};
+          }
         }
         PortValues moved{};
         for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = reading_[i] - before[i];

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "mofc_node/controllers/named/palpate_controllers.h"
@@ -205,6 +206,59 @@ TEST(PortCInterface, AReadingThatIsNoNumberGivesNothingAndCostsTheCredit) {
   palpate_port_input beyond = input_at(++k, last);
   beyond.position[3] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(palpate_ports_step(handle.get(), &beyond, &out), PALPATE_OK);
+}
+
+// Not even where it is shorter than the default of 2 ms.
+TEST(PortCInterface, NoEffortOutlivesTheLeaseThatIsSet) {
+  for (const double lease_s : {0.0005, 0.001, 0.002, 0.004}) {
+    const Made handle = create();
+    ASSERT_EQ(palpate_ports_set(handle.get(), "lease_s", lease_s), PALPATE_OK);
+    palpate_port_output out{};
+    const palpate_port_input input{};
+    ASSERT_EQ(palpate_ports_step(handle.get(), &input, &out), PALPATE_OK);
+    EXPECT_EQ(out.lease_s, lease_s);
+    ASSERT_EQ(palpate_ports_set(handle.get(), "longest_lease_s", 0.01), PALPATE_OK);
+    ASSERT_EQ(palpate_ports_step(handle.get(), &input, &out), PALPATE_OK);
+    EXPECT_EQ(out.lease_s, 0.01);
+  }
+}
+
+TEST(PortCInterface, WhatIsRefusedIsSaidWithFieldAndRule) {
+  std::array<char, 200> text{};
+  const auto refusal = [&](const palpate_port& port) {
+    EXPECT_EQ(palpate_ports_check(&port, 1, text.data(), text.size()), 0);
+    return std::string(text.data());
+  };
+  palpate_port port = kPorts[0];
+  EXPECT_EQ(palpate_ports_check(&port, 1, text.data(), text.size()), 1);
+  EXPECT_STREQ(text.data(), "");
+  port.coulomb = -0.5;
+  EXPECT_EQ(refusal(port), "port 0: coulomb = -0.5: must be 0 or above, at most 1e9");
+  port = kPorts[0];
+  port.v_max = 0.0;
+  EXPECT_EQ(refusal(port), "port 0: v_max = 0: must be above 0, the fastest that the hand ever is");
+  EXPECT_EQ(palpate_ports_check(kPorts.data(), 0, text.data(), text.size()), 0);
+  EXPECT_STREQ(text.data(), "a clamp has 1 … 8 ports, not 0");
+  EXPECT_EQ(palpate_ports_check(&port, 1, nullptr, 0), 0);
+
+  const Made handle = create();
+  EXPECT_STREQ(palpate_ports_error(handle.get()), "");
+  EXPECT_EQ(palpate_ports_set(handle.get(), "lease_s", 0.0), PALPATE_OUT_OF_RANGE);
+  EXPECT_STREQ(palpate_ports_error(handle.get()), "lease_s = 0: must be above 0, at most 1e9");
+  EXPECT_EQ(palpate_ports_set(handle.get(), "lease", 1.0), PALPATE_UNKNOWN_NAME);
+  EXPECT_EQ(std::string(palpate_ports_error(handle.get())).rfind("lease: there is no such", 0), 0U);
+  palpate_port_output out{};
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), 1e308, -2e9}) {
+    palpate_port_input input{};
+    input.position[1] = bad;
+    EXPECT_EQ(palpate_ports_step(handle.get(), &input, &out), PALPATE_NOT_FINITE);
+    EXPECT_NE(std::string(palpate_ports_error(handle.get())).find("port 1: position"),
+              std::string::npos);
+  }
+  const palpate_port_input good{};
+  EXPECT_EQ(palpate_ports_step(handle.get(), &good, &out), PALPATE_OK);
+  EXPECT_STREQ(palpate_ports_error(handle.get()), "");
+  EXPECT_STREQ(palpate_ports_error(nullptr), "no clamp");
 }
 
 TEST(PortCInterface, MoreThanSixtyFourStretchesAreAGap) {

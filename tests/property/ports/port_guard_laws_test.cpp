@@ -123,10 +123,20 @@ TEST(PortGuardTwin, WithAnswersLaterThanReservedForEnergyIsDrawn) {
 TEST(PortGuardTwin, WithUnnoticedGapsEnergyIsDrawn) {
   EXPECT_LT(least_with(7,
                        [](LeaderCase& c) {
-                         c.timing.lost_echoes = 0.05;
+                         c.timing.lost_echoes = 0.5;
                          c.sees_gaps = false;
                        }),
             kDrawnJoule);
+}
+
+TEST(PortGuard, AnEchoThatIsMissingIsNoticedByTheMotionOfTheHand) {
+  EXPECT_GE(least_with(7,
+                       [](LeaderCase& c) {
+                         c.timing.lost_echoes = 0.05;
+                         c.sees_gaps = false;
+                         c.loses_stretches = true;
+                       }),
+            kLeastJoule);
 }
 
 TEST(PortGuard, ReducesWhatIsRequestedOrKeepsIt) {
@@ -191,6 +201,114 @@ TEST(PortGuard, AnAngleThatWrapsIsNoMotion) {
   EXPECT_TRUE(after.is_too_fast);
   EXPECT_LE(after.ledger_energy_joule, 0.0);
   EXPECT_NEAR(after.effort_on_hand[0], 0.1, 1e-9);
+}
+
+// With a torque that acts along the wrap, counting it would make a debt of 2 N·m · 2π.
+TEST(PortGuard, AnAngleThatWrapsAlongTheTorqueLeavesNoDebt) {
+  OneJoint joint;
+  for (int k = 0; k < 1000; ++k) joint.step(5e-3 * k, 0.0);
+  const PortOutput acting = joint.step(5.0, 2.0);
+  ASSERT_GT(acting.effort_on_hand[0], 0.5);
+  const PortOutput after = joint.step(5.0 + 2.0 * std::numbers::pi, 2.0);
+  EXPECT_TRUE(after.is_too_fast);
+  EXPECT_GE(after.ledger_energy_joule, -1e-9);
+  EXPECT_LE(after.ledger_energy_joule, 0.0);
+}
+
+// A clock that has not ticked: 0.05 N·m against 2π rad is 0.31 J, and nobody has done that work.
+TEST(PortGuard, AnAngleThatChangesInNoTimeGivesNoCredit) {
+  OneJoint joint;
+  joint.step(0.0, -0.05);
+  joint.step(0.0, -0.05);
+  joint.stretch.duration_s = 0.0;
+  const PortOutput after = joint.step(2.0 * std::numbers::pi, -0.05);
+  EXPECT_TRUE(after.is_too_fast);
+  EXPECT_LE(after.ledger_energy_joule, 0.0);
+}
+
+TEST(PortGuard, JumpsWithinAnEchoGiveNoCreditWhereTheyCancel) {
+  PortGuard guard(OneJoint{}.parameters);
+  PortInput input;
+  static_cast<void>(guard.step(input));
+  std::array<PortStretch, 2> applied{};
+  applied[0] = {.duration_s = 5e-4, .effort_on_hand = {-0.05}, .position_at_end = {6.0}};
+  applied[1] = {.duration_s = 5e-4};
+  input.applied = applied;
+  EXPECT_LE(guard.step(input).ledger_energy_joule, 0.0);
+
+  // and where the last stretch ends elsewhere than the hand is
+  applied[0].position_at_end = applied[1].position_at_end = {};
+  input.position[0] = 1.0;
+  const PortOutput after = guard.step(input);
+  EXPECT_TRUE(after.is_too_fast);
+  EXPECT_LE(after.ledger_energy_joule, 0.0);
+}
+
+// The true hand draws what it can within v_max while the reported angles jump and clocks stand
+// still; the seeds are as many as the leaders'.
+TEST(PortGuard, NoEnergyIsDrawnByJumpsAndZeroDurations) {
+  double least = 0.0;
+  for (std::uint64_t seed = 1; seed <= seed_count(300); ++seed) {
+    Random random(seed);
+    OneJoint joint;
+    Port& port = joint.parameters.ports[0];
+    port = {.f_d = random.uniform(0.005, 0.1),
+            .f_co = random.uniform(0.0, 0.2),
+            .q = random.chance(0.3) ? 0.0 : random.uniform(0.0, 0.01),
+            .v_max = random.uniform(0.5, 6.0)};
+    joint.guard = PortGuard(joint.parameters);
+    double x = 0.0;
+    double offset = 0.0;
+    double energy = 0.0;
+    double lease_s = 1e-3;
+    double asked = 0.0;
+    for (int k = 0; k < 400; ++k) {
+      if (random.chance(0.05)) offset += random.uniform(1.0, 7.0) * (random.chance(0.5) ? 1 : -1);
+      if (random.chance(0.2)) asked = random.uniform(-2.0, 2.0);
+      const double error = 0.499 * port.q * random.uniform(-1.0, 1.0);
+      const PortOutput output = joint.step(x + offset + error, asked);
+      lease_s = output.lease_s;
+      const double effort = output.effort_on_hand[0];
+      const double excess = std::max(0.0, std::abs(effort) - port.f_co);
+      joint.stretch.duration_s = random.chance(0.2) ? 0.0 : std::min(1e-3, lease_s);
+      double v = random.uniform(-1.0, 1.0) * port.v_max;
+      if (random.chance(0.5)) {
+        v = std::copysign(std::min(port.v_max, excess / (2.0 * port.f_d)), effort);
+      }
+      const double t = joint.stretch.duration_s;
+      energy += (port.f_d * v * v + port.f_co * std::abs(v) - effort * v) * t;
+      x += v * t;
+      least = std::min(least, energy);
+    }
+  }
+  EXPECT_GE(least, kLeastJoule);
+}
+
+TEST(PortGuard, RecoversFromNumbersOfAnySize) {
+  const auto peak_after = [](OneJoint& joint) {
+    double most = 0.0;
+    for (int k = 0; k < 5000; ++k) {
+      const double moving = std::cos(6e-3 * k);
+      const PortOutput output = joint.step(0.5 * std::sin(6e-3 * k), moving > 0.0 ? -0.5 : 0.5);
+      most = k < 4000 ? 0.0 : std::max(most, std::abs(output.effort_on_hand[0]));
+    }
+    return most;
+  };
+  OneJoint sound;
+  const double expected = peak_after(sound);
+  ASSERT_GT(expected, 0.3);
+  for (const double huge : {1e300, 1.7e308}) {
+    OneJoint asked;
+    asked.step(0.0, 0.1);
+    EXPECT_EQ(asked.step(0.0, huge).effort_on_hand[0], 0.0);
+    asked.step(1e-3, -huge);
+    EXPECT_NEAR(peak_after(asked), expected, 1e-6);
+    OneJoint placed;
+    placed.step(0.0, 0.1);
+    placed.step(huge, 0.1);
+    placed.step(-huge, 0.1);
+    EXPECT_NEAR(peak_after(placed), expected, 1e-6);
+  }
 }
 
 TEST(PortGuard, AHandSomewhatFasterThanVMaxIsReportedAndKeepsItsCredit) {

@@ -36,7 +36,7 @@ typedef struct palpate_leader palpate_leader;
  * motor's shaft, behind its own gears. */
 typedef struct palpate_joint_place {
   double sign;              /**< 1 or -1 */
-  double offset_rad;        /**< the angle where the motor says 0 */
+  double offset_rad;        /**< the angle where the motor says 0; within one turn */
   double gear;              /**< > 0: turns of the shaft per turn of the joint */
   double lowest_rad;        /**< of the joint's range, less than a turn of the shaft */
   double highest_rad;       /**< > lowest_rad */
@@ -55,7 +55,8 @@ typedef struct palpate_leader_times {
 typedef struct palpate_dynamixel_joint {
   int id;                            /**< 0 ... 252, of the servo */
   palpate_joint_place place;         /**< of the joint */
-  double torque_newton_m_per_ampere; /**< of the horn, measured; 0: the manual's stall torque */
+  double torque_newton_m_per_ampere; /**< of the horn, measured, within a factor of 3 of the
+                                          manual's stall torque; 0: that */
   double current_limit_ampere;       /**< > 0: no more is commanded */
 } palpate_dynamixel_joint;
 
@@ -75,7 +76,8 @@ typedef struct palpate_damiao_joint {
   int feedback_id;              /**< of the frames that it sends (Master ID); 0: id + 16 */
   const char* model;            /**< DM4310, DM4340, DM8009 ... */
   double torque_limit_newton_m; /**< > 0: no more is commanded, at the shaft */
-  double torque_ratio;          /**< > 0: true torque per N m commanded, measured; 1: as it says */
+  double torque_ratio;          /**< 1/3 ... 3: true torque per N m commanded, measured; 1: as it
+                                   says */
 } palpate_damiao_joint;
 
 /** The CAN bus. longest_delay_s is above 0.001. */
@@ -121,7 +123,7 @@ PALPATE_API void palpate_leader_close(palpate_leader* leader);
 PALPATE_API int palpate_leader_enable(palpate_leader* leader);
 /** Reads every joint. Returns 1, or 0 for a fault, and then the arm is limp. */
 PALPATE_API int palpate_leader_read(palpate_leader* leader, palpate_leader_reading* reading);
-/** Sends these torques, and says what they become: rounded towards 0, cut off at the limits, 0
+/** Sends these torques, and says what is commanded: rounded towards 0, cut off at the limits, 0
  * without palpate_leader_enable. Returns 1, or 0 for a fault, and then the arm is limp.
  * @param leader  an arm
  * @param torque_newton_m  PALPATE_MOST_JOINTS numbers

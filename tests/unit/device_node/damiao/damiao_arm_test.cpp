@@ -2,8 +2,6 @@
 // A leader arm of Damiao motors: the driver through its emulator, on virtual time.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/socket.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -25,7 +23,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::DamiaoBench;
-using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
 // one of 4095 steps from −10 to 10 N·m, of a DM4310
@@ -332,6 +329,35 @@ INSTANTIATE_TEST_SUITE_P(
       return "WireFault" + std::to_string(static_cast<int>(info.param.wire));
     });
 
+// Its torque is made a little less for that, and what it is told is said.
+TEST(DamiaoArm, AStatusThatIsFrozenUnderAConstantTorqueIsFound) {
+  DamiaoBench bench;
+  bench.enabled();
+  for (int k = 0; k < 100; ++k) ASSERT_TRUE(bench.cycle(0.6)) << bench.arm().fault_text();
+  bench.plan(WireFault::kStuck);
+  int cycles = 0;
+  bool is_less = false;
+  while (cycles < 200 && bench.cycle(0.6)) {
+    ++cycles;
+    EXPECT_LE(bench.made[5], 0.6);
+    is_less = is_less || bench.made[5] < 0.6 - 0.07;  // 16 steps of a DM4310
+  }
+  EXPECT_TRUE(is_less);
+  EXPECT_EQ(bench.arm().fault(), LeaderFault::kStale) << bench.arm().fault_text();
+  EXPECT_LE(cycles, 65);  // 100 + 20 ms, in cycles of 2 ms
+}
+
+TEST(DamiaoArm, AnArmThatRestsUnderAConstantTorqueIsSound) {
+  DamiaoBench bench;
+  bench.enabled();
+  double sum = 0.0;
+  for (int k = 0; k < 1000; ++k) {
+    ASSERT_TRUE(bench.cycle(0.6)) << bench.arm().fault_text();
+    sum += bench.made[5];
+  }
+  EXPECT_GT(sum / 1000.0, 0.95 * 0.6);
+}
+
 TEST(DamiaoArm, EachErrorIsNamedWithItsCause) {
   for (const auto& [state, cause] : {std::pair{0x8U, "supply voltage too high"},
                                      {0x9U, "supply voltage too low"},
@@ -430,110 +456,6 @@ TEST(DamiaoArm, ATimeoutThatEndsNoTorqueIsFoundBeforeThereIsOne) {
   EXPECT_EQ(bench.arm().fault(), LeaderFault::kNoWatchdog);
   bench.settle();
   EXPECT_EQ(bench.acting_newton_m(), 0.0);
-}
-
-// --- set-up -------------------------------------------------------------------------------------
-
-TEST(DamiaoSetUp, AnotherModelOrRangeIsRefused) {
-  DamiaoBench bench;
-  bench.joints[1].model = "DM4310";
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 2 (id 2): its values are within 12.5 rad and 54 "
-                                         "N·m, those of a DM4310 within 12.5 and 10"));
-  bench.joints[1].model = "DM8009";
-  bench.emulator().with_motor(
-      5, [](EmulatedDamiaoMotor& m) { m.set_reg(21, std::bit_cast<std::uint32_t>(3.14F)); });
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 6 (id 6): its values are within 3.14 rad"));
-}
-
-TEST(DamiaoSetUp, AnotherModeIsSetToMit) {
-  DamiaoBench bench;
-  bench.emulator().with_motor(0, [](EmulatedDamiaoMotor& m) { m.set_reg(10, 2); });
-  bench.open();
-  EXPECT_EQ(bench.reg(0, damiao::kControlMode), damiao::kMitMode);
-  bench.close();
-  bench.emulator().with_motor(0, [](EmulatedDamiaoMotor& m) {
-    m.set_reg(10, 2);
-    m.keeps_registers = false;
-  });
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 1 (id 1): stays in control mode 2"));
-}
-
-TEST(DamiaoSetUp, AHardwareErrorIsRefusedWithItsCause) {
-  DamiaoBench bench;
-  bench.emulator().with_motor(5, [](EmulatedDamiaoMotor& m) { m.protect(0xC); });
-  EXPECT_THAT(bench.refusal(),
-              HasSubstr("joint 6 (id 6): reports a hardware error: winding overheated"));
-}
-
-TEST(DamiaoSetUp, AMotorThatIsNotThereIsNamed) {
-  DamiaoBench bench;
-  bench.joints[2].id = 9;
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 3 (id 9): does not answer on "));
-  bench.joints[2].id = 3;
-  bench.joints[2].feedback_id = 0x33;
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 3 (id 3): does not answer on "));
-  bench.joints[2].feedback_id = 0;
-  bench.plan(WireFault::kBusOff);
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 1 (id 1): the interface is down or off the bus"));
-}
-
-TEST(DamiaoSetUp, WrongSettingsAreRefusedBeforeTheBusIsOpened) {
-  const auto refusal_of = [](const auto& change) {
-    DamiaoBench bench;
-    bench.settings.port = "/nowhere/bus";
-    change(bench);
-    return bench.refusal();
-  };
-  using B = DamiaoBench;
-  EXPECT_THAT(refusal_of([](B& b) { b.joints.clear(); }), HasSubstr("1 … 8 joints"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].id = 0; }), HasSubstr("an id is 1 … 15"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].id = 16; }), HasSubstr("an id is 0 … 15"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].feedback_id = 0x7FF; }), HasSubstr("1 … 2046"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].feedback_id = 0x11; }),
-              HasSubstr("feedback_id 17 is that of another"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].model = "XL330"; }),
-              HasSubstr("model \"XL330\" is not known here; there are DM3507, DM4310"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].torque_limit_newton_m = 0.0; }),
-              HasSubstr("torque_limit_newton_m"));
-  EXPECT_THAT(refusal_of([](B& b) { b.joints[1].torque_ratio = std::nan(""); }),
-              HasSubstr("torque_ratio"));
-  EXPECT_THAT(refusal_of([](B& b) { b.settings.timeout_s = 0.0; }), HasSubstr("0.002 … 1"));
-  EXPECT_THAT(refusal_of([](B& b) { b.settings.longest_delay_s = 0.001; }),
-              HasSubstr("longest_delay_s must be above 0.001"));
-  EXPECT_THAT(refusal_of([](B&) {}), HasSubstr("/nowhere/bus: No such file"));
-  // without the kernel's modules, without the interface
-  EXPECT_THAT(
-      refusal_of([](B& b) { b.settings.port = "can77"; }),
-      AnyOf(HasSubstr("can77: this kernel has no SocketCAN"), HasSubstr("can77: No such device")));
-}
-
-TEST(DamiaoSetUp, ALimitBelowTheLeastTorqueIsRefused) {
-  DamiaoBench bench;
-  bench.joints[0].torque_limit_newton_m = 0.01;
-  EXPECT_THAT(bench.refusal(), HasSubstr("below half a unit of the wire, 0.0131868 N·m"));
-}
-
-// A bus on which nobody takes a frame: a socket that nobody reads.
-TEST(CanPort, WhatDoesNotLeaveIsTold) {
-  int ends[2] = {-1, -1};
-  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends), 0);
-  CanPort port(ends[0]);
-  Transfer transfer = Transfer::kDone;
-  for (int k = 0; k < 100'000 && transfer == Transfer::kDone; ++k) {
-    transfer = port.send(damiao_refresh(1), 1ms);
-  }
-  EXPECT_EQ(transfer, Transfer::kFull);
-  ::close(ends[1]);
-  EXPECT_EQ(port.send(damiao_refresh(1), 1ms), Transfer::kClosed);
-}
-
-TEST(DamiaoSetUp, MotorsBesideTheArmAreLeftAlone) {
-  DamiaoBench bench;
-  bench.joints.resize(3);
-  bench.enabled();
-  ASSERT_TRUE(bench.cycle(0.1));
-  EXPECT_EQ(bench.state(4), damiao::kOff);
-  EXPECT_EQ(bench.reg(4, damiao::kTimeout), 0u);
 }
 
 }  // namespace

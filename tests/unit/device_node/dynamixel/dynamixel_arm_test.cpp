@@ -249,6 +249,33 @@ TEST(DynamixelArm, TheWatchdogEndsTheTorqueWhenTheProgramStops) {
   }
 }
 
+// The register holds the number, and nothing comes of it: it is tried before there is a torque.
+TEST(DynamixelArm, AWatchdogThatEndsNoTorqueIsFoundBeforeThereIsOne) {
+  LeaderBench bench;
+  bench.open();
+  bench.emulator().with_servo(3, [](EmulatedServo& servo) { servo.has_watchdog = false; });
+  bench.plan(WireFault::kNoWatchdog);
+  EXPECT_FALSE(bench.arm().enable());
+  EXPECT_EQ(bench.arm().fault(), LeaderFault::kNoWatchdog) << bench.arm().fault_text();
+  EXPECT_THAT(bench.arm().fault_text(), HasSubstr("Update its firmware"));
+  bench.settle();
+  EXPECT_EQ(bench.acting_newton_m(), 0.0);
+}
+
+TEST(DynamixelArm, AWatchdogThatDoesNotFireInALongPauseIsAFault) {
+  LeaderBench bench;
+  bench.enabled();
+  ASSERT_TRUE(bench.cycle(0.1));
+  bench.plan(WireFault::kNoWatchdog);
+  bench.pass(1500ms);
+  ASSERT_GT(bench.acting_newton_m(), 0.5);
+  EXPECT_FALSE(bench.cycle(0.1));
+  EXPECT_EQ(bench.arm().fault(), LeaderFault::kNoWatchdog) << bench.arm().fault_text();
+  EXPECT_THAT(bench.arm().fault_text(), HasSubstr("no motor has ended its torque in a pause"));
+  bench.pass(5ms);
+  EXPECT_EQ(bench.acting_newton_m(), 0.0);
+}
+
 TEST(DynamixelArm, ACycleAllocatesNothingAndEndsInTime) {
   LeaderBench bench;
   bench.enabled();
@@ -388,115 +415,6 @@ TEST(DynamixelArm, AnswersInPiecesAreOne) {
   bench.plan(WireFault::kPartial);
   for (int k = 0; k < 20; ++k) ASSERT_TRUE(bench.cycle(0.05)) << bench.arm().fault_text();
   EXPECT_EQ(bench.reading.repeated, 0u);
-}
-
-// --- set-up -------------------------------------------------------------------------------------
-
-TEST(DynamixelSetUp, AnotherModeIsRefusedUnlessItMayBeWritten) {
-  LeaderBench bench;
-  bench.emulator().with_servo(3, [](EmulatedServo& servo) {
-    EXPECT_EQ(servo.write(dynamixel::kOperatingMode, std::array{std::byte{3}}), 0);
-    EXPECT_EQ(servo.write(dynamixel::kReturnDelay, std::array{std::byte{250}}), 0);
-  });
-  EXPECT_THAT(bench.refusal(),
-              HasSubstr("joint 4 (id 4): operating mode 3 is not current control"));
-  bench.settings.may_write_eeprom = true;
-  bench.open();
-  EXPECT_EQ(bench.entry(3, dynamixel::kOperatingMode), 0u);
-  EXPECT_EQ(bench.entry(3, dynamixel::kReturnDelay), 0u);
-}
-
-TEST(DynamixelSetUp, DriveModesThatTurnOrCoupleOrSwitchOnAreRefused) {
-  for (const unsigned mode : {0x01U, 0x02U, 0x08U}) {
-    LeaderBench bench;
-    bench.emulator().with_servo(0, [mode](EmulatedServo& servo) {
-      EXPECT_EQ(servo.write(dynamixel::kDriveMode, std::array{static_cast<std::byte>(mode)}), 0);
-    });
-    EXPECT_THAT(bench.refusal(), HasSubstr("joint 1 (id 1): drive mode"));
-  }
-}
-
-TEST(DynamixelSetUp, ServosThatCannotDoItAreRefused) {
-  const auto refusal_of = [](std::uint16_t model, std::uint8_t firmware) {
-    std::vector<ServoSettings> servos = seven_servos();
-    servos[6].model = model;
-    servos[6].firmware = firmware;
-    return LeaderBench(servos).refusal();
-  };
-  EXPECT_THAT(refusal_of(1060, 45), HasSubstr("XL430-W250: has no current control"));
-  EXPECT_THAT(refusal_of(4711, 45), HasSubstr("model 4711 is not known here"));
-  EXPECT_THAT(refusal_of(1020, 37), HasSubstr("firmware 37 has no Bus Watchdog"));
-  EXPECT_THAT(refusal_of(1020, 45), HasSubstr("cannot be read as one"));
-}
-
-TEST(DynamixelSetUp, AHardwareErrorIsRefusedWithItsCause) {
-  LeaderBench bench;
-  bench.emulator().with_servo(5, [](EmulatedServo& servo) { servo.protect(0x24); });
-  EXPECT_THAT(bench.refusal(),
-              HasSubstr("joint 6 (id 6): reports a hardware error: overheated, overload"));
-}
-
-TEST(DynamixelSetUp, AServoThatIsNotThereIsNamed) {
-  LeaderBench bench;
-  bench.joints[2].id = 77;
-  EXPECT_THAT(bench.refusal(), HasSubstr("joint 3 (id 77): does not answer at 4000000 bit/s"));
-}
-
-TEST(DynamixelSetUp, WrongSettingsAreRefusedBeforeTheLineIsOpened) {
-  const auto refusal_of = [](const auto& change) {
-    LeaderBench bench;
-    change(bench);
-    return bench.refusal();
-  };
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints.clear(); }), HasSubstr("1 … 8 joints"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints.resize(9); }), HasSubstr("1 … 8 joints"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].id = 1; }), HasSubstr("has this id"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].id = 253; }), HasSubstr("0 … 252"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].sign = 0.5; }), HasSubstr("sign"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].gear = 0.0; }), HasSubstr("gear"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].current_limit_ampere = 0.0; }),
-              HasSubstr("current_limit_ampere"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].fastest_rad_per_s = -1.0; }),
-              HasSubstr("fastest_rad_per_s"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].play_rad = -1.0; }), HasSubstr("play"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].highest_rad = 9.0; }),
-              HasSubstr("below one turn of the shaft"));
-  EXPECT_THAT(
-      refusal_of([](LeaderBench& b) { b.joints[1].torque_newton_m_per_ampere = std::nan(""); }),
-      HasSubstr("torque_newton_m_per_ampere"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.joints[1].offset_rad = std::nan(""); }),
-              HasSubstr("offset_rad"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.settings.watchdog_units = 0; }),
-              HasSubstr("1 … 127"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.settings.answer_limit_s = 0.0; }),
-              HasSubstr("answer_limit_s"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.settings.bits_per_second = 12'345; }),
-              HasSubstr("12345 bit/s is no speed"));
-  EXPECT_THAT(refusal_of([](LeaderBench& b) { b.settings.port = "/nowhere"; }),
-              HasSubstr("/nowhere"));
-}
-
-// 211 bytes at 57.6 kbit/s are 36.6 ms.
-TEST(DynamixelSetUp, ALineThatIsTooSlowIsRefused) {
-  LeaderBench bench;
-  bench.settings.bits_per_second = 57'600;
-  EXPECT_THAT(bench.refusal(),
-              HasSubstr("a cycle takes 36.6319 ms at 57600 bit/s; longest_delay_s"));
-  bench.settings.longest_delay_s = 0.045;
-  EXPECT_THAT(bench.refusal(), HasSubstr("longest_cycle_s must be above 0.0366319"));
-  bench.settings.longest_cycle_s = 0.05;
-  EXPECT_THAT(bench.refusal(), HasSubstr("watchdog_units must be above 1.8316"));
-  bench.settings.watchdog_units = 3;
-  bench.enabled();
-  EXPECT_TRUE(bench.cycle(0.1));
-}
-
-TEST(DynamixelSetUp, ServosBesideTheArmAreLeftAlone) {
-  LeaderBench bench;
-  bench.joints.resize(3);
-  bench.enabled();
-  ASSERT_TRUE(bench.cycle(0.1));
-  EXPECT_EQ(bench.entry(4, dynamixel::kTorqueEnable), 0u);
 }
 
 }  // namespace
