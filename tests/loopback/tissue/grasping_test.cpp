@@ -148,5 +148,47 @@ TEST(Needle, ComesOutAndGoesInByTheSameHole) {
   EXPECT_LT(second, 0.25);
 }
 
+// --- organs that touch ---------------------------------------------------------------------------
+
+/// Of a press, over its first second, when it is deepest.
+struct Press {
+  double largest_newton = 0.0;
+  double error_ratio = 0.0;  // rms, of the ideal force's
+};
+
+Press pressed(const std::string& session, const std::vector<std::string>& overrides) {
+  const Recording way = run(shipped(session, overrides), 1100ms, true);
+  Press press;
+  double error2 = 0.0;
+  double ideal2 = 0.0;
+  for (const TickRow& row : way.rows) {
+    press.largest_newton = std::max(press.largest_newton, row.device.force_on_hand_newton.norm());
+    error2 += (row.device.force_on_hand_newton - row.ideal_force_on_hand_newton).squaredNorm();
+    ideal2 += row.ideal_force_on_hand_newton.squaredNorm();
+  }
+  press.error_ratio = std::sqrt(error2 / ideal2);
+  EXPECT_GE(way.last().device.minimum_true_energy_joule, -1e-6);
+  EXPECT_EQ(way.mofc.interaction.rejected, 0U);
+  return press;
+}
+
+TEST(Touching, BonesBehindAnOrganMakeItStiffer) {
+  const Press against = pressed("tools/against_rib", {});
+  const Press free = pressed("tools/against_rib", {"scene.tissue[1].box.center_m.z=-0.2",
+                                                   "scene.tissue[2].capsule.from_m.z=-0.2",
+                                                   "scene.tissue[2].capsule.to_m.z=-0.2"});
+  EXPECT_GT(against.largest_newton, 1.2 * free.largest_newton);
+  EXPECT_LT(against.error_ratio, 0.1);
+}
+
+TEST(Touching, AnOrganBelowCarriesTheOneAbove) {
+  const Press above = pressed("tools/two_organs", {});
+  const Press free = pressed("tools/two_organs",
+                             {"scene.tissue[1].position_m.z=-0.2",
+                              "scene.tissue[1].elastic.fixed[0].half_space.point_m.z=-0.2299"});
+  EXPECT_GT(above.largest_newton, 1.05 * free.largest_newton);
+  EXPECT_LT(above.error_ratio, 0.15);  // the liver swings
+}
+
 }  // namespace
 }  // namespace palpate
