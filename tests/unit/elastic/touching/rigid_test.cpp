@@ -84,6 +84,7 @@ double hertz_ratio(const test::TempFolder& folder, int cells, double depth_m) {
 }
 
 TEST_F(OnBone, ABallOfBoneInABlockIsPushedBackAsHertzSays) {
+  if (test::kIsSanitized) GTEST_SKIP() << "minutes; the code is that of the other tests";
   const double coarse = hertz_ratio(folder_, 9, 0.0025);
   const double fine = hertz_ratio(folder_, 12, 0.0025);
   std::printf("Hertz: coarse %.3f, fine %.3f\n", coarse, fine);
@@ -187,6 +188,7 @@ Pressed press_on(const ElasticBody& body, const Vector3& top_m, double depth_m,
 }
 
 TEST_F(OnBone, AFastPressAgainstBoneStaysFiniteAndOutOfIt) {
+  if (test::kIsSanitized) GTEST_SKIP() << "minutes; the code is that of the other tests";
   material_ = {.young_pa = 15e3, .poisson_ratio = 0.45, .viscosity_s = 0.005};
   material_.fixed = {HalfSpaceGeometry{.point_m = {-0.0399, 0, 0}, .normal = {1, 0, 0}}};
   material_.touches = {{.tissue = 1}};
