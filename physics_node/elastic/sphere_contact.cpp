@@ -67,6 +67,22 @@ std::vector<SurfacePoint> surface_points(const Mesh& mesh, const std::vector<Fac
   return points;
 }
 
+void SurfacePoint::add_stiffness(const Eigen::Matrix3d& stiffness, const BlockPattern& pattern,
+                                 BlockValues& values) const {
+  for (std::size_t a = 0; a < static_cast<std::size_t>(count); ++a) {
+    const std::int32_t row = pattern.row_of[nodes[a]];
+    for (std::size_t b = 0; b < static_cast<std::size_t>(count) && row >= 0; ++b) {
+      const std::int32_t column = pattern.row_of[nodes[b]];
+      if (column < 0 || column > row) continue;
+      double* block =
+          values.data() + 9 * std::size_t{pattern.slot(static_cast<std::uint32_t>(row),
+                                                       static_cast<std::uint32_t>(column))};
+      Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(block) +=
+          weights[a] * weights[b] * stiffness;
+    }
+  }
+}
+
 SphereContact::SphereContact(std::vector<SurfacePoint> points, double stiffness_pa_per_m,
                              const BlockPattern* pattern)
     : points_(std::make_shared<const std::vector<SurfacePoint>>(std::move(points))),
@@ -242,18 +258,7 @@ void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, b
       stiffness -= point.area_m2 * at.pressure_pa / at.distance_m *
                    (Eigen::Matrix3d::Identity() - at.normal * at.normal.transpose());
     }
-    for (std::size_t a = 0; a < static_cast<std::size_t>(point.count); ++a) {
-      const std::int32_t row = pattern.row_of[point.nodes[a]];
-      for (std::size_t b = 0; b < static_cast<std::size_t>(point.count) && row >= 0; ++b) {
-        const std::int32_t column = pattern.row_of[point.nodes[b]];
-        if (column < 0 || column > row) continue;
-        double* block =
-            values.data() + 9 * std::size_t{pattern.slot(static_cast<std::uint32_t>(row),
-                                                         static_cast<std::uint32_t>(column))};
-        Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(block) +=
-            point.weights[a] * point.weights[b] * stiffness;
-      }
-    }
+    point.add_stiffness(stiffness, pattern, values);
   }
 }
 

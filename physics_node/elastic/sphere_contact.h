@@ -35,6 +35,9 @@ struct SurfacePoint {
     const Eigen::Map<const Vector3d> c(x_m + 3 * std::size_t{nodes[2]});
     return (b - a).cross(c - a).normalized();
   }
+  /// Of the point, to the body's at its nodes.   @param stiffness  symmetric [N/m]
+  void add_stiffness(const Eigen::Matrix3d& stiffness, const BlockPattern& pattern,
+                     BlockValues& values) const;
   void add_nodes_to(std::vector<std::uint32_t>& all) const {
     all.insert(all.end(), nodes.begin(), nodes.begin() + count);
   }

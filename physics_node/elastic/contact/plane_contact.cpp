@@ -54,18 +54,7 @@ void ContactPlane::add_stiffness(const double* x_m, const BlockPattern& pattern,
     }
   }
   if (more.isZero(0.0)) return;
-  for (std::size_t a = 0; a < static_cast<std::size_t>(point.count); ++a) {
-    const std::int32_t row = pattern.row_of[point.nodes[a]];
-    for (std::size_t b = 0; b < static_cast<std::size_t>(point.count) && row >= 0; ++b) {
-      const std::int32_t column = pattern.row_of[point.nodes[b]];
-      if (column < 0 || column > row) continue;
-      double* block =
-          values.data() + 9 * std::size_t{pattern.slot(static_cast<std::uint32_t>(row),
-                                                       static_cast<std::uint32_t>(column))};
-      Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(block) +=
-          point.weights[a] * point.weights[b] * more;
-    }
-  }
+  point.add_stiffness(more, pattern, values);
 }
 
 void ContactPlane::update_multiplier(const double* x_m, double deepest_m) noexcept {

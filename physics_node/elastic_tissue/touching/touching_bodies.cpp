@@ -125,6 +125,12 @@ Vector3 weights_of(const std::array<Vector3, 3>& corners, const Vector3& point_m
   return {1.0 - second - third, second, third};
 }
 
+/// In the session, one touches the other.
+bool names(const ElasticBody& one, const ElasticBody& other) {
+  const std::vector<std::uint32_t>& touches = one.touches;
+  return std::find(touches.begin(), touches.end(), other.tissue) != touches.end();
+}
+
 double young_pa(const ElasticBody& body) {
   return body.body->description().materials.front().young_modulus_pa;
 }
@@ -291,8 +297,7 @@ std::vector<std::vector<std::size_t>> Island::of(std::span<const ElasticBody* co
   std::iota(island_of.begin(), island_of.end(), std::size_t{0});
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     for (std::size_t j = 0; j < bodies.size(); ++j) {
-      const std::vector<std::uint32_t>& touches = bodies[i]->touches;
-      if (std::find(touches.begin(), touches.end(), bodies[j]->tissue) == touches.end()) continue;
+      if (!names(*bodies[i], *bodies[j])) continue;
       const std::size_t from = std::max(island_of[i], island_of[j]);
       const std::size_t to = std::min(island_of[i], island_of[j]);
       std::replace(island_of.begin(), island_of.end(), from, to);
@@ -310,13 +315,11 @@ std::vector<std::vector<std::size_t>> Island::of(std::span<const ElasticBody* co
 }
 
 Island::Island(std::span<const ElasticBody* const> bodies) {
-  const auto names = [&](std::size_t i, std::size_t j) {
-    const std::vector<std::uint32_t>& touches = bodies[i]->touches;
-    return std::find(touches.begin(), touches.end(), bodies[j]->tissue) != touches.end();
-  };
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     for (std::size_t j = i + 1; j < bodies.size(); ++j) {
-      if (names(i, j) || names(j, i)) pairs_.emplace_back(i, j);
+      if (names(*bodies[i], *bodies[j]) || names(*bodies[j], *bodies[i])) {
+        pairs_.emplace_back(i, j);
+      }
     }
   }
 }
