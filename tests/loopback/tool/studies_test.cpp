@@ -230,14 +230,14 @@ TEST_F(Studies, AReportDestroysNothingThatItReads) {
 TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
   const std::string session = files_.write("hold.txtpb", R"(
     name: "study_hold" realtime { priority: 0 cpu: -1 } viewer { web { disabled: true } }
+    hand { sinusoid { center_m { z: 0.02 } amplitude_m { z: 0.01 } frequency_hz { z: 2 } } }
     scene { tissue { name: "pad" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
     task { free {} time_s: 1 }
   )");
-  // nothing ever arrives: what the nodes say of it would tell the condition
+  // the hand is faster than assumed: what a node says of it would tell the condition
   const std::string file = plan(
-      "session: \"hold.txtpb\" condition { name: \"one\" set: \"faults.interaction.loss_ratio=1\" "
-      "} "
-      "repeats: 2");
+      "session: \"hold.txtpb\" condition { name: \"one\" set: "
+      "\"mofc.guard_settings.v_max_m_per_s=0.01\" } repeats: 2");
   const Outcome first =
       palpate({"study", file, "--folder", path("r"), "--participant", "7", "--trials", "1"});
   EXPECT_EQ(first.status, 0) << first.err;
@@ -245,7 +245,8 @@ TEST_F(Studies, ATrialInRealTimeEndsWithItsTask) {
       first.err,
       "palpate: participant 7, trial 1\npalpate: participant 7 goes on with trial 2: the same "
       "command\n");
-  EXPECT_THAT(text_of(path("r/P007/trial_001/messages.txt")), HasSubstr("physics"));
+  EXPECT_THAT(text_of(path("r/P007/trial_001/messages.txt")),
+              HasSubstr("event=hand_faster_than_assumed"));
   const std::string csv =
       palpate({"study", "report", file, "--folder", path("r"), "--csv", "-"}).out;
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 2);
