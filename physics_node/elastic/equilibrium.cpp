@@ -246,6 +246,7 @@ SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& lim
     if (ratio > limits.slow_ratio || fraction < 1.0) {
       report.is_factor_stale = true;
       if (slow++ >= limits.slow_iterations && renew_factor()) continue;
+      if (!factor.is_ready()) break;  // it could not be renewed, and the old one is gone
     }
     is_factor_new = false;
     // remember what this step told of the curvature

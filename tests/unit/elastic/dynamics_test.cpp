@@ -39,6 +39,38 @@ TEST(ElasticDynamics, NeverGainsEnergyAndKeepsAlmostAllOfIt) {
   }
 }
 
+/// Of no force; from its second factor on it leaves no positive definite stiffness.
+class UnfactorableObstacle final : public Obstacle {
+ public:
+  double add_gradient(const double* /*x_m*/, double* /*gradient*/) const override { return 0.0; }
+  void add_stiffness(const double* /*x_m*/, const BlockPattern& pattern,
+                     BlockValues& values) const override {
+    if (factors_++ < 1) return;
+    for (std::uint32_t row = 0; row < pattern.size(); ++row) {
+      values[9 * std::size_t{pattern.slot(row, row)}] -= 1e12;
+    }
+  }
+  [[nodiscard]] int factors() const { return factors_; }
+
+ private:
+  mutable int factors_ = 0;
+};
+
+TEST(ElasticDynamics, AFactorThatCannotBeRenewedEndsTheSearch) {
+  const Body body(bench::hanging_beam(beam_mesh(8, 2), kAllLaws[0], 100e3, 0.45));
+  const UnfactorableObstacle obstacle;
+  EquilibriumSearch search(body);
+  WarpedFactor factor(body, Precision::kFloat);
+  VectorXd x = body.rest_m();
+  // every iteration is slow
+  const SearchReport report = find_rest(search, factor, &obstacle, {.slow_ratio = 0.0}, x);
+  EXPECT_GT(obstacle.factors(), 1);
+  EXPECT_FALSE(factor.is_ready());
+  EXPECT_FALSE(report.is_converged);
+  EXPECT_TRUE(report.is_finite);
+  EXPECT_TRUE(x.allFinite());
+}
+
 TEST(ElasticDynamics, StaysFiniteAndComesToTheStaticAnswer) {
   for (const Law law : kAllLaws) {
     for (const double E : {1e3, 1e5, 1e7}) {
