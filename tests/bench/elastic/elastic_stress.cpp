@@ -18,6 +18,7 @@
 
 #include "physics_node/elastic/dynamics.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/elastic/acting_hands.h"
 #include "tests/bench/elastic/elastic_problems.h"
 
 namespace {
@@ -248,7 +249,10 @@ int main(int argc, char** argv) {
   CLI::App app("Elastic bodies: which stiffness, step, law and mesh stay finite and end right.",
                "elastic_stress");
   BenchOptions options;
+  bool has_hands = false;
+  app.add_flag("--hands", has_hands, "Instead: tools that cut, hold, pull and tear");
   return bench::run_bench(app, options, argc, argv, [&] {
+    if (has_hands) return bench::acting_hands(options);
     Table table({{"case", "case", ""},
                  {"law", "law", ""},
                  {"young_modulus_pa", "E [Pa]", "{:g}"},
