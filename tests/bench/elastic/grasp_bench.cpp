@@ -150,28 +150,11 @@ Path needle_path() {
   return path;
 }
 
-/// 40 mm into the block of the session `incision` at 20 mm/s, a rest, and back by 15 mm.
-Path blade_path() {
-  constexpr double kSpeed_m_per_s = 0.02;
-  constexpr double kFrom_m = -0.034;
-  constexpr double kWay_m = 0.048;  // the surface is 2 mm away, and gives way
-  constexpr double kRest_s = 0.3;
-  constexpr double kBack_m = 0.015;
-  Path path{
-      .name = "blade, 40 mm",
-      .scene = load_session(test::source_dir() + "/deploy/sessions/tools/incision.txtpb").scene,
-      .tip_m = {},
-      .seconds = (kWay_m + kBack_m) / kSpeed_m_per_s + kRest_s};
-  path.tip_m = [=](double time_s) {
-    const double in_m = std::min(kWay_m, kSpeed_m_per_s * time_s);
-    const double back_m = std::max(0.0, kSpeed_m_per_s * (time_s - kRest_s) - kWay_m);
-    return Vector3(kFrom_m + in_m - back_m, 0.001, -0.008);
-  };
-  return path;
-}
-
-/// A block of the size of that of `incision`, so many times as fine.
-SceneConfig refined(const SceneConfig& scene, double times, const TempFolder& folder) {
+/// The scene of the session `incision`, its block so many times as fine.
+SceneConfig incision(double times, const TempFolder& folder) {
+  SceneConfig scene =
+      load_session(test::source_dir() + "/deploy/sessions/tools/incision.txtpb").scene;
+  if (times == 1.0) return scene;
   const auto cells = [&](int coarse) { return static_cast<int>(std::lround(coarse * times)); };
   const elastic::Mesh box = elastic::box_mesh(elastic::equal_planes(-0.03, 0.03, cells(14)),
                                               elastic::equal_planes(-0.015, 0.015, cells(7)),
@@ -182,10 +165,28 @@ SceneConfig refined(const SceneConfig& scene, double times, const TempFolder& fo
     const auto corners = box.element(e);
     mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
   }
-  SceneConfig made = scene;
-  std::get<FileGeometry>(made.tissues.front().geometry).file =
+  std::get<FileGeometry>(scene.tissues.front().geometry).file =
       folder.write("block.msh", physics::msh_text(mesh));
-  return made;
+  return scene;
+}
+
+/// 40 mm into the block of the session `incision` at 20 mm/s, a rest, and back by 15 mm.
+Path blade_path(double times, const TempFolder& folder) {
+  constexpr double kSpeed_m_per_s = 0.02;
+  constexpr double kFrom_m = -0.034;
+  constexpr double kWay_m = 0.048;  // the surface is 2 mm away, and gives way
+  constexpr double kRest_s = 0.3;
+  constexpr double kBack_m = 0.015;
+  Path path{.name = "blade, 40 mm",
+            .scene = incision(times, folder),
+            .tip_m = {},
+            .seconds = (kWay_m + kBack_m) / kSpeed_m_per_s + kRest_s};
+  path.tip_m = [=](double time_s) {
+    const double in_m = std::min(kWay_m, kSpeed_m_per_s * time_s);
+    const double back_m = std::max(0.0, kSpeed_m_per_s * (time_s - kRest_s) - kWay_m);
+    return Vector3(kFrom_m + in_m - back_m, 0.001, -0.008);
+  };
+  return path;
 }
 
 /// What a change of topology takes, beside a body that is made for the first time.
@@ -222,7 +223,8 @@ void report_changes(const SceneConfig& scene) {
       1e6 * ablation.figures().separated_m2, 1e6 * ablation.figures().swept_m2);
 }
 
-std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
+std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m, double times,
+                           const TempFolder& folder) {
   const Vector3 from_m(0.003, 0.002, tip_z_m);
   const auto with = [&](double slip_newton, double tear_newton) {
     SceneConfig scene = base;
@@ -238,7 +240,7 @@ std::vector<Path> paths_of(const SceneConfig& base, double tip_z_m) {
           {"slip", with(0.8, 100), to_and_fro(from_m, {0, 0, 0.020})},
           {"tear", with(100, 0.8), to_and_fro(from_m, {0, 0, 0.020})},
           needle_path(),
-          blade_path()};
+          blade_path(times, folder)};
 }
 
 }  // namespace
@@ -256,6 +258,9 @@ int main(int argc, char** argv) {
   app.add_option("--mesh", mesh,
                  "Another mesh than that of the session `retract`, its top at z = 0, for instance "
                  "of `palpate make-organ --block FILE --cells N`");
+  double times = 1.0;
+  app.add_option("--times", times, "The blade in a block so many times as fine")
+      ->check(CLI::Range(0.5, 4.0));
   double reference_ms = 1e3 * kTick_s;
   app.add_option("--reference-ms", reference_ms, "Between two full solutions of the reference")
       ->check(CLI::Range(0.1, 20.0));
@@ -263,6 +268,7 @@ int main(int argc, char** argv) {
   app.add_option("--trace", trace_file,
                  "File for the last path: tick, force [N], reference [N], state of the jaws");
   return bench::run_bench(app, options, argc, argv, [&] {
+    const TempFolder folder;
     SceneConfig base = load_session(test::source_dir() + "/deploy/sessions/retract.txtpb").scene;
     if (!mesh.empty()) std::get<FileGeometry>(base.tissues.front().geometry).file = mesh;
     if (options.is_quick) std::get<ElasticMaterial>(base.tissues.front().material).is_linear = true;
@@ -276,7 +282,7 @@ int main(int argc, char** argv) {
                  {"points", "points", "{:.0f}"},
                  {"physics_step_us", "physics step p99 us", "{:.2f}"},
                  {"mofc_step_us", "mofc step p99 us", "{:.2f}"}});
-    for (const Path& path : paths_of(base, base.tip_radius_m - 2e-4)) {
+    for (const Path& path : paths_of(base, base.tip_radius_m - 2e-4, times, folder)) {
       if (path.name.find(only) == std::string::npos) continue;
       const Forces ideal = reference_of(path, 1e-3 * reference_ms);
       for (const bool is_far : {false, true}) {
@@ -307,10 +313,8 @@ int main(int argc, char** argv) {
     }
     table.publish(options);
     if (std::string("blade").find(only) == std::string::npos || only.empty()) return;
-    const SceneConfig incision = blade_path().scene;
-    const TempFolder folder;
-    for (const double times : options.is_quick ? std::vector{1.0} : std::vector{1.0, 1.6, 2.75}) {
-      report_changes(refined(incision, times, folder));
+    for (const double fine : options.is_quick ? std::vector{times} : std::vector{1.0, 1.6, 2.75}) {
+      report_changes(incision(fine, folder));
     }
   });
 }
