@@ -203,11 +203,11 @@ def first_device(terminal: Terminal) -> list[tuple[str, Step]]:
         after = 0
         for _ in range(10):
             terminal.run(command, status=0)
-            after = terminal.wait_for("phase=enabled|event=device_fault", after=after)
+            after = terminal.wait_for("phase=enabled|event=device_fault reason", after=after)
             if terminal.output()[:after].endswith("phase=enabled"):
                 felt = r"answered \S+ %  contact  \|F\| (0\.[1-9]|[1-9])"
-                after = terminal.wait_for(felt + "|event=device_fault", after=after)
-                if not terminal.output()[:after].endswith("event=device_fault"):
+                after = terminal.wait_for(felt + "|event=device_fault reason", after=after)
+                if not terminal.output()[:after].endswith("event=device_fault reason"):
                     break
             after = terminal.wait_for("FAULT: ", after=after)
         output = terminal.end()
