@@ -39,6 +39,21 @@ void HeldTissue::take(const Contact& contact, const Interaction& newest, const V
   is_held_ = true;
 }
 
+/// Where the tissue has been held before, towards those of the message; else at once.
+void HeldTissue::follow_yields(NeedleLaw& needle, double most_newton) noexcept {
+  const Vector3 said(needle.cutting_newton, needle.spreading_newton, needle.friction_newton);
+  const Vector3 change = said - yields_newton_;
+  const double newton = change.lpNorm<1>();
+  if (!is_held_ || newton <= most_newton) {
+    yields_newton_ = said;
+  } else {
+    yields_newton_ += most_newton / newton * change;
+  }
+  needle.cutting_newton = yields_newton_.x();
+  needle.spreading_newton = yields_newton_.y();
+  needle.friction_newton = yields_newton_.z();
+}
+
 ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
                             const Vector3& tool_position_world_m,
                             const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept {
@@ -72,6 +87,7 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
   if (report_->has_let_go) return {};
 
   const Vector3 at_m = tool_position_world_m - report_->slip_m;
+  follow_yields(grip.needle, newton_per_s_ * dt_s);
   take(*contact, newest, at_m, tool_velocity_world_m_per_s);
   const double offset = std::max(offset_newton_.norm(), 1e-12);
   offset_newton_ *= 1.0 - std::min({1.0, dt_s / kPassage_s, newton_per_s_ * dt_s / offset});

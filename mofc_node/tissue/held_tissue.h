@@ -20,7 +20,8 @@ namespace palpate::mofc {
 /// stiffness changes meanwhile.
 ///
 /// A needle or a blade has no button: physics_node decides when it goes in. It slips along itself
-/// (slip_of_needle) until it is out.
+/// (slip_of_needle) until it is out. The forces at which it yields follow those of hop 3 by at most
+/// newton_per_s · dt per step, all together: so much does the force change with them.
 ///
 /// F begins at zero, and where a new message has another law the force passes to it with a time
 /// constant of 10 ms, by at most newton_per_s · dt per step; where it ends, it ends at once. No
@@ -77,6 +78,7 @@ class HeldTissue {
   };
   void take(const Contact& contact, const Interaction& newest, const Vector3& at_m,
             const Vector3& velocity) noexcept;
+  void follow_yields(NeedleLaw& needle, double most_newton) noexcept;
   void lose(State why) noexcept;
 
   double newton_per_s_;
@@ -87,6 +89,8 @@ class HeldTissue {
   std::uint32_t buttons_ = 0;         // that close the jaws
   std::optional<GripReport> report_;  // of the grip that is listed
   double deepest_m_ = 0.0;            // of a hole or a cut
+  /// Of a needle or a blade: forces that cut, spread, and of friction; they follow hop 3.
+  Vector3 yields_newton_ = Vector3::Zero();
   Law law_;
   Vector3 offset_newton_ = Vector3::Zero();  // of the force from the law, still to be undone
 };

@@ -45,8 +45,9 @@ struct GripSlip {
 /// and no slip. No allocation, no throw.
 ///
 /// A blade cuts along d in the same way, with C = toughness × length of its edge in the tissue, and
-/// φ = 0. Then it slides along its edge e, ⊥ d, by Coulomb's law with R, a second implicit step:
-/// |F''·e| ≤ R, which dissipates too. Across both, in the normal of its plane, it never yields.
+/// φ = 0, and slides along its edge e, ⊥ d, by Coulomb's law with R: |F'·e| ≤ R. Both hold at once
+/// in the one implicit step, which dissipates. Across both, in the normal of its plane, it never
+/// yields.
 /// @param stiffness_newton_per_m  symmetric, positive definite
 /// @param needle  there; all of it ≥ 0
 [[nodiscard]] GripSlip slip_of_needle(const Vector3& force_on_tool_newton,

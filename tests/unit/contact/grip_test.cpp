@@ -215,11 +215,18 @@ TEST(Blade, WhateverTheSpringASlipTakesEnergyOut) {
     if (slip.is_out) continue;
     ASSERT_NEAR((slip.force_on_tool_newton - force - K * slip.slip_m).norm(), 0.0,
                 1e-7 * force.norm());
-    // the spring has lost at least what the two steps have dissipated, each ≥ 0
+    // the spring has lost at least what the step has dissipated, ≥ 0
     const auto stored = [&](const Vector3& f) { return 0.5 * f.dot(K.inverse() * f); };
     ASSERT_LE(stored(slip.force_on_tool_newton), (1 + 1e-9) * stored(force));
     const double along_newton = std::abs(slip.force_on_tool_newton.dot(blade.edge_world));
     ASSERT_LE(along_newton, blade.friction_newton + 1e-7 * force.norm());
+    // at the same time no more pushes than it takes to go on, nor pulls
+    const double push_newton = -slip.force_on_tool_newton.dot(blade.inward_world);
+    const double after_m = depth_m + slip.slip_m.dot(blade.inward_world);
+    const double cuts_newton = after_m < blade.deepest_m - 1e-12 ? 0.0 : blade.cutting_newton;
+    ASSERT_LE(push_newton,
+              blade.spreading_newton + blade.friction_newton + cuts_newton + 1e-7 * force.norm());
+    ASSERT_GE(push_newton, -blade.friction_newton - 1e-7 * force.norm());
     slides += std::abs(slip.slip_m.dot(blade.edge_world)) > 0.0 ? 1 : 0;
   }
   EXPECT_GT(slides, 1000) << "this says nothing";

@@ -272,6 +272,36 @@ TEST_F(Held, ABladeCutsAndComesBackThroughItsCut) {
   EXPECT_NEAR(aside.force_on_tool_newton.y(), -0.001 * kSpring_newton_per_m, 1e-9);
 }
 
+// The next body has more of the edge in tissue, or less.
+TEST_F(Held, TheForceThatCutsPassesToThatOfTheNextBody) {
+  Interaction said = pierced();
+  NeedleLaw& blade = said.contacts[0].grip.needle;
+  blade = {.inward_world = Vector3::UnitX(),
+           .cutting_newton = 1.0,
+           .edge_world = Vector3::UnitZ(),
+           .friction_newton = 0.1};
+  double x_m = 0.0;
+  const auto go = [&](double way_m) {
+    x_m += way_m;
+    return held_.step(said, 0, {x_m, 0, 0}, Vector3::Zero(), kHeldTick_s).force_on_tool_newton.x();
+  };
+  double newton = 0.0;
+  while (x_m < 0.03) newton = go(2e-5);
+  EXPECT_NEAR(newton, -1.1, 1e-9);
+  for (const double cutting_newton : {1.8, 0.5}) {
+    blade.cutting_newton = cutting_newton;
+    double largest_change = 0.0;
+    for (int tick = 0; tick < 800; ++tick) {
+      const double now = go(2e-5);
+      largest_change = std::max(largest_change, std::abs(now - newton));
+      newton = now;
+    }
+    EXPECT_LE(largest_change, kHeldNewtonPerS * kHeldTick_s + 1e-9);
+    EXPECT_NEAR(newton, -(cutting_newton + 0.1), 1e-9);
+    EXPECT_EQ(held_.state(), State::kCuts);
+  }
+}
+
 TEST_F(Held, ANeedleHoldsAcross) {
   const Interaction said = pierced();
   for (int tick = 0; tick < 1000; ++tick) pull(said, -2e-5 * tick, 0);
