@@ -14,6 +14,9 @@ namespace {
 constexpr int kCostlySteps = 64;
 constexpr int kCostPerStep = 8;
 
+// What is left of a result that has ended fades within this time, or ends at once.
+constexpr double kLongestPassage_s = 0.05;
+
 /// What tissue that moves by itself does to a hand that holds against it, until it has moved as far
 /// along the force as it ever does. The hand put as much in while it went the other way.
 double energy_of_motion_joule(const ModelForce& force, const TissueMotionConfig& motion,
@@ -55,6 +58,7 @@ void TissueModel::reset() noexcept {
   if (elastic_) elastic_->reset();
   shares_ = {};
   elastic_shares_ = {};
+  partings_ = {};
   holds_for_ = {};
 }
 
@@ -111,9 +115,13 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
           shares_[i] * energy_of_motion_joule(local_.results()[i].force, motion, pose.time_s);
     }
     for (std::size_t i = 0; i < kMaxElasticPatches; ++i) {
+      const double share_before = elastic_shares_[i];
       share_out(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s,
                 dt_s, elastic_shares_[i]);
       add(elastic_->results()[i], elastic_shares_[i], Duration::zero());
+      part(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
+           share_before, partings_[i]);
+      sum.force_on_tool_newton += partings_[i].left_newton;
     }
     if (costs_too_much() && share_count == 0) store_->drop();
   }
@@ -139,6 +147,25 @@ void TissueModel::share_out(const LocalTissues::Result& local, TimePoint now,
   const double newton = (local.force.force_on_tool_newton - model.force_on_tool_newton).norm();
   const double most = newton > bound_newton ? bound_newton / newton : 1.0;
   share += std::clamp(aim - share, -most, most);
+}
+
+void TissueModel::part(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
+                       const Vector3& velocity, double dt_s, double share_before,
+                       Parting& parting) noexcept {
+  const double bound_newton = newton_per_s_ * dt_s;
+  if (!local.is_stepped && share_before > 0.0) {
+    const ModelForce model = handover_.of_tissue(parting.tissue, position, velocity, now);
+    parting.left_newton += share_before * (parting.local_newton - model.force_on_tool_newton);
+    if (!(parting.left_newton.norm() <= newton_per_s_ * kLongestPassage_s)) {
+      parting.left_newton.setZero();
+    }
+  }
+  const double newton = parting.left_newton.norm();
+  parting.left_newton *= newton > bound_newton ? 1.0 - bound_newton / newton : 0.0;
+  if (local.is_stepped) {
+    parting.tissue = local.tissue;
+    parting.local_newton = local.force.force_on_tool_newton;
+  }
 }
 
 }  // namespace palpate::mofc

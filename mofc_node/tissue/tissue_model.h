@@ -23,7 +23,8 @@ namespace palpate::mofc {
 /// elastic bodies solved (ElasticPatches). Elsewhere, and beyond the part that is known, the
 /// contact models of the newest Interaction count (ModelHandover). Where the two differ for a
 /// tissue by Δ, the share of the one that is to count grows by bound / |Δ| per step, as between two
-/// contact models. Of the tissue in the jaws of the tool only HeldTissue counts.
+/// contact models; so does what an elastic body's result leaves that ends at once, because points
+/// of it have been replaced. Of the tissue in the jaws of the tool only HeldTissue counts.
 ///
 /// A physics whose descriptions need more than a step can spend (LocalTissues::work_in()) in a row
 /// of about 64 steps that offer so much costs too much: the contact models take over, then its
@@ -82,6 +83,14 @@ class TissueModel {
   void note_cost(std::uint64_t physics_session_id) noexcept;
   void share_out(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
                  const Vector3& velocity, double dt_s, double& share) noexcept;
+  /// A patch whose result ends at once: what it had more than the contact model is left to fade.
+  struct Parting {
+    std::uint32_t tissue = 0;                // of the step before,
+    Vector3 local_newton = Vector3::Zero();  // and its force
+    Vector3 left_newton = Vector3::Zero();
+  };
+  void part(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
+            const Vector3& velocity, double dt_s, double share_before, Parting& parting) noexcept;
 
   double newton_per_s_;
   std::uint32_t work_per_step_;
@@ -93,6 +102,7 @@ class TissueModel {
   PhysicsClock clock_;
   std::array<double, kMaxDescribed> shares_{};               // of local_'s results
   std::array<double, kMaxElasticPatches> elastic_shares_{};  // of elastic_'s
+  std::array<Parting, kMaxElasticPatches> partings_{};       // of elastic_'s
   Duration holds_for_{};
   int cost_ = 0;                         // grows with every step that needs too much
   std::uint64_t costly_session_id_ = 0;  // of the physics; 0: none

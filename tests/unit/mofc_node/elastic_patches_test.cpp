@@ -8,9 +8,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
 #include <vector>
 
 #include "deploy/lockstep/random_elastic.h"
+#include "mofc_node/tissue/tissue_model.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/hostile/costly_descriptions.h"
 
@@ -305,6 +307,50 @@ TEST_F(HalfSpacePatch, ChangesTheForceOfANewStateNoFasterThanTheBound) {
   }
   EXPECT_GE(ticks, 9);
   EXPECT_NEAR(before, aim, 0.02 * aim);
+}
+
+// A body of which something has vanished is described anew, point by point; until all are there the
+// contact model of the Interaction counts, here none.
+TEST_F(HalfSpacePatch, WhereItEndsAtOnceTheForceFadesNoFasterThanTheBound) {
+  TissueModel model(true, kNewtonPerS, 1, from_seconds(kTick_s));
+  interaction_.elastic.store_id = model.receipts().store_id;
+  const auto receive = [&](const auto& news) {
+    interaction_.elastic.number = ++number_;
+    interaction_.elastic.has_point = std::is_same_v<std::decay_t<decltype(news)>, ElasticPoint>;
+    if constexpr (std::is_same_v<std::decay_t<decltype(news)>, ElasticPoint>) {
+      interaction_.elastic.point = news;
+    } else {
+      interaction_.elastic.state = news;
+    }
+    model.receive(interaction_, {});
+    interaction_.elastic.number = 0;
+  };
+  const auto newton_at = [&](double depth_m) {
+    const test::AllocGuard guard;
+    const ModelForce force =
+        model.step(interaction_, {}, {0.0, 0.0, kRadius_m - depth_m}, Vector3::Zero(), kTick_s);
+    EXPECT_EQ(guard.count(), 0U);
+    return force.force_on_tool_newton.z();
+  };
+  state_.force_step_newton = 1e-5F;
+  state_.places[60].force = {0, 0, -32767};
+  for (const ElasticPoint& point : points_) receive(point);
+  receive(state_);
+  double before = 0.0;
+  for (int tick = 0; tick < 40; ++tick) before = newton_at(std::min(3e-3, 1e-4 * tick));
+  ASSERT_GT(before, 0.25);
+
+  ElasticPoint newer = points_[60];
+  newer.version = 1000;
+  receive(newer);
+  int ticks = 0;
+  for (; before > 0.0 && ticks < 100; ++ticks) {
+    const double newton = newton_at(3e-3);
+    ASSERT_LE(std::abs(newton - before), kNewtonPerS * kTick_s + 1e-9);
+    before = newton;
+  }
+  EXPECT_EQ(before, 0.0);
+  EXPECT_GT(ticks, 2);
 }
 
 TEST_F(HalfSpacePatch, HasFrictionUpToItsCoefficient) {
