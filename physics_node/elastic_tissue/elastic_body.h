@@ -75,6 +75,8 @@ struct ElasticBody {
   std::vector<std::uint32_t> touches = {};            ///< elastic tissues, by index in the scene
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 
+  /// It may lie on what moves.
+  [[nodiscard]] bool can_be_carried() const noexcept { return resting && resting->can_move(); }
   [[nodiscard]] bool can_tear() const noexcept {
     const std::vector<elastic::Attachment>& all = body->description().attachments;
     return std::any_of(all.begin(), all.end(), [](const auto& one) { return one.tears(); });

@@ -67,6 +67,11 @@ class ElasticSimulation {
   /// @param step_s  in [¼, 1] × that of the constructor; none: that
   bool step(std::span<const std::optional<TipState>> tips, std::optional<double> step_s = {});
 
+  /// For the next steps: the time of what moves of what the body lies on, at the end of the step.
+  /// In the first of them, and when the body begins again, it goes there in small parts that take
+  /// no time.
+  void set_time(double time_s) { time_s_ = time_s; }
+
   /// For the next steps: planes of other bodies that it may touch, and whether one of those moves.
   void set_neighbors(std::vector<elastic::ContactPlane> planes, bool is_moving) {
     tips_.neighbors = std::move(planes);
@@ -183,6 +188,7 @@ class ElasticSimulation {
   bool follow(std::size_t tool, const TipState& tip);
   [[nodiscard]] bool step_once(bool is_again = false);
   [[nodiscard]] bool settle();
+  void be_carried();
   [[nodiscard]] bool is_wrong(std::size_t tool) const;
   void repair(std::span<const std::optional<TipState>> tips,
               const std::vector<Touch>& touches_before,
@@ -211,6 +217,10 @@ class ElasticSimulation {
   std::uint64_t repaired_steps_ = 0;
   std::uint64_t appeared_ = 0;
   int failed_in_a_row_ = 0;
+  // of what the body lies on
+  std::optional<double> time_s_;
+  double part_time_s_ = 0.0;
+  std::optional<double> carried_s_;  // at the end of the last step
   bool has_torn_ = false;
   bool is_neighbor_moving_ = false;
   bool can_step_again_ = false;

@@ -304,6 +304,8 @@ TissueMotionConfig to_motion(const Fields& tissue) {
 /// What elastic tissues touch, by name, when all are known.
 void add_touches(const Fields& scene, SceneConfig& config) {
   constexpr std::size_t kMostTouches = 16;
+  constexpr double kMostCarried_m = 0.02;    // by what it touches
+  constexpr double kMostCarriedShare = 0.1;  // of solve_rate_hz
   std::size_t index = 0;
   for (const Fields& tissue : scene.messages("tissue")) {
     const std::size_t own = index++;
@@ -345,10 +347,16 @@ void add_touches(const Fields& scene, SceneConfig& config) {
                         "is a point_cloud, which has no inside; give it as a "
                         "triangle_surface");
       } else if (const TissueMotionConfig& motion = config.tissues[other].motion;
-                 motion.frequency_hz > 0.0 && !motion.amplitude_m.isZero(0.0)) {
-        touches.problem("tissue",
-                        "moves; only what stands still may be named here: leave out its "
-                        "motion");
+                 motion.amplitude_m.norm() > kMostCarried_m) {
+        touches.problem("tissue", "moves by up to " + shown(1e3 * motion.amplitude_m.norm()) +
+                                      " mm: must be at most 20 mm; give its motion a smaller "
+                                      "amplitude_m");
+      } else if (motion.frequency_hz > kMostCarriedShare * material->solve_rate_hz) {
+        touches.problem("tissue", "oscillates at " + shown(motion.frequency_hz) +
+                                      " Hz: must be at most a tenth of solve_rate_hz, " +
+                                      shown(material->solve_rate_hz) +
+                                      " Hz; give its motion a lower frequency_hz or raise "
+                                      "solve_rate_hz");
       } else {
         material->touches.push_back(
             {.tissue = other, .friction_coefficient = friction_coefficient});

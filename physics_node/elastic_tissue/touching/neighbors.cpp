@@ -34,7 +34,8 @@ Neighbors neighbors_of(const SceneConfig& scene, const TissueConfig& tissue) {
     }
     neighbors.rigid.push_back({.name = other.name,
                                .surface = std::move(shape),
-                               .friction_coefficient = touches.friction_coefficient});
+                               .friction_coefficient = touches.friction_coefficient,
+                               .motion = other.motion});
   }
   return neighbors;
 }
