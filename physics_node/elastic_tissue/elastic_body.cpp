@@ -446,8 +446,8 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
   }
   for (const auto& body : bodies) {
     for (const auto& other : bodies) {
-      if (std::find(body->touches.begin(), body->touches.end(), other->tissue) ==
-          body->touches.end()) {
+      if (std::none_of(body->touches.begin(), body->touches.end(),
+                       [&](const auto& one) { return one.tissue == other->tissue; })) {
         continue;
       }
       const std::string name = "the elastic body \"" + scene.tissues[body->tissue].name + "\": ";

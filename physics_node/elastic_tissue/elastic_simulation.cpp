@@ -346,7 +346,8 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
                                const std::vector<Touch>& touches_before,
                                const std::vector<elastic::SphereContact>& contacts_before) {
   const elastic::StepReport failed = report_;
-  bool can_wait = failed_in_a_row_ < kMostFailedInARow;
+  // between bodies its untouched state may be inside of them by now
+  bool can_wait = failed_in_a_row_ < kMostFailedInARow || !tips_.neighbors.empty();
   std::vector<std::size_t> there;
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     if (!touches_[i].is_near) continue;

@@ -61,9 +61,10 @@ class ElasticSimulation {
   /// A step after which the surface presses on a sphere from behind, or the centre of a sphere is
   /// inside the body, has failed and is not converged: the body goes back to where it was before,
   /// and the spheres wait there; if that fails too, the body stays there with its forces. After
-  /// some such steps in a row, or a sphere's first step, it begins again from its untouched state,
-  /// the spheres from their proxies, and goes as far as it can in up to kMostRepairSteps steps.
-  /// Under a tip that appears inside the body this comes to rest at once: it did not move there.
+  /// some such steps in a row (of a body that is near no other one), or a sphere's first step, it
+  /// begins again from its untouched state, the spheres from their proxies, and goes as far as it
+  /// can in up to kMostRepairSteps steps. Under a tip that appears inside the body this comes to
+  /// rest at once: it did not move there.
   /// @param step_s  in [¼, 1] × that of the constructor; none: that
   bool step(std::span<const std::optional<TipState>> tips, std::optional<double> step_s = {});
 

@@ -301,6 +301,17 @@ TissueMotionConfig to_motion(const Fields& tissue) {
   return motion;
 }
 
+/// It names that tissue too, and both give a friction, not the same.
+bool is_named_otherwise(const TissueConfig& other, std::size_t tissue, bool has_friction,
+                        double friction_coefficient) {
+  const auto* const material = std::get_if<ElasticMaterial>(&other.material);
+  return material != nullptr && has_friction &&
+         std::any_of(material->touches.begin(), material->touches.end(), [&](const auto& one) {
+           return one.tissue == tissue && one.friction_coefficient > 0.0 &&
+                  one.friction_coefficient != friction_coefficient;
+         });
+}
+
 /// What elastic tissues touch, by name, when all are known.
 void add_touches(const Fields& scene, SceneConfig& config) {
   constexpr std::size_t kMostTouches = 16;
@@ -330,12 +341,14 @@ void add_touches(const Fields& scene, SceneConfig& config) {
         touches.problem("tissue", "is this tissue itself; name another one");
       } else if (!touched.insert(other).second) {
         touches.problem("tissue", "is named twice; leave one out");
+      } else if (other < own &&
+                 is_named_otherwise(config.tissues[other], own, touches.has("friction_coefficient"),
+                                    friction_coefficient)) {
+        touches.problem("friction_coefficient",
+                        "is another one than \"" + name + "\" gives for the two; leave one out");
       } else if (const auto* const elastic_other =
                      std::get_if<ElasticMaterial>(&config.tissues[other].material);
-                 elastic_other != nullptr && touches.has("friction_coefficient")) {
-        touches.problem("friction_coefficient",
-                        "two elastic tissues slide on each other without friction; leave it out");
-      } else if (elastic_other != nullptr &&
+                 elastic_other != nullptr &&
                  elastic_other->solve_rate_hz != material->solve_rate_hz) {
         touches.problem("tissue", "is solved at " + shown(elastic_other->solve_rate_hz) +
                                       " Hz, this one at " + shown(material->solve_rate_hz) +

@@ -61,9 +61,19 @@ TEST(ElasticRules, TouchesOtherTissuesThatAreClosed) {
   EXPECT_THAT(other("touches { tissue: 'b' }", "50"), IsEmpty());
   EXPECT_THAT(other("touches { tissue: 'b' }", "25"),
               is_touching_at("elastic.touches[0].tissue", "is solved at 25 Hz, this one at 50 Hz"));
-  EXPECT_THAT(
-      other("touches { tissue: 'b' friction_coefficient: 0.1 }", "50"),
-      is_touching_at("elastic.touches[0].friction_coefficient", "without friction; leave it out"));
+  EXPECT_THAT(other("touches { tissue: 'b' friction_coefficient: 0.1 }", "50"), IsEmpty());
+  const auto both = [](const std::string& first, const std::string& second) {
+    const std::string mesh = std::string(kTouchingMesh) + " elastic { " + kTouchingHeld + " ";
+    return complaints("name: \"x\" scene { tool { tip_radius_m: 0.001 } tissue { name: 'b' " +
+                          mesh + "touches { tissue: 'a' " + first + " } } } tissue { name: 'a' " +
+                          mesh + "touches { tissue: 'b' " + second + " } } } }",
+                      {}, "/tmp");
+  };
+  EXPECT_THAT(both("friction_coefficient: 0.1", ""), IsEmpty());
+  EXPECT_THAT(both("", "friction_coefficient: 0.1"), IsEmpty());
+  EXPECT_THAT(both("friction_coefficient: 0.1", "friction_coefficient: 0.1"), IsEmpty());
+  EXPECT_THAT(both("friction_coefficient: 0.1", "friction_coefficient: 0.2"),
+              ::testing::Contains(HasSubstr("is another one than \"b\" gives for the two")));
   EXPECT_THAT(touching("touches { tissue: 'bone' }", "point_cloud { file: 'b.ply' }"),
               is_touching_at("elastic.touches[0].tissue", "is a point_cloud, which has no inside"));
   EXPECT_THAT(touching("touches { tissue: 'bone' }",
