@@ -94,8 +94,8 @@ set(PALPATE_BOUNDARIES
   "physics_node/answer:common/core,common/coupling,common/contact,common/session/scene_config.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
-  "physics_node/elastic:common/core,common/contact/elastic,physics_node/elastic/*,@threads"
-  "physics_node/elastic/contact:common/contact/surface.h,physics_node/elastic,physics_node/elastic/condensed"
+  "physics_node/elastic:common/core,common/contact/elastic,common/contact/tissue_motion.h,physics_node/elastic/*,@threads"
+  "physics_node/elastic/contact:common/core,common/contact/surface.h,common/contact/tissue_motion.h,physics_node/elastic,physics_node/elastic/condensed"
   "physics_node/elastic/linear:common/contact/elastic/clones.h,physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/contact/tiles,common/session/scene_config.h,physics_node/surfaces,physics_node/files"

@@ -59,6 +59,11 @@ inline void randomise(ElasticState& state, Random& random) {
            .force_step_newton = static_cast<float>(random_magnitude(random, -3.0, 4.0))};
   if (state.has_rest)
     state.compliance_ratio = random.uniform(kMinComplianceRatio, kMaxComplianceRatio);
+  if (random.chance(0.3)) {
+    state.carried_m = random_vector(random, 0.1);
+    state.carried_m_per_s = random_vector(random, 5.0);
+    state.carried_at_s = random.uniform(0.0, 10.0);
+  }
   for (ElasticPlace& place : state.places) {
     if (random.chance(0.3)) continue;
     place.version = 1 + static_cast<std::uint32_t>(random.below(1U << 20U));

@@ -120,8 +120,8 @@ class ElasticPatches::Patch {
     has_state_ = true;
   }
   /// @param budget  reduced by what this needs
-  Result step(const Interaction& newest, const Vector3& tip_m, double dt_s, double most_newton,
-              Budget& budget) noexcept;
+  Result step(const Interaction& newest, const Vector3& tip_m, double dt_s, double scene_s,
+              double most_newton, Budget& budget) noexcept;
 
  private:
   struct Held {
@@ -164,6 +164,7 @@ class ElasticPatches::Patch {
   // friction
   bool has_tip_ = false;
   Vector3 tip_m_ = Vector3::Zero();
+  Vector3 surface_m_ = Vector3::Zero();  // has been carried
   Vector3 stretch_m_ = Vector3::Zero();
 };
 
@@ -369,8 +370,11 @@ void ElasticPatches::Patch::walk_to(const Vector3& tip_m, double dt_s, int& left
 }
 
 ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, const Vector3& tip_m,
-                                                   double dt_s, double most_newton,
+                                                   double dt_s, double scene_s, double most_newton,
                                                    Budget& budget) noexcept {
+  const auto there_m = [&](const Model& model) {
+    return Vector3(tip_m - model.state.carried_by_m(scene_s));
+  };
   since_state_s_ += dt_s;
   if (has_state_) state_age_s_ += dt_s;
   // a new state waits for the end of a crossing, and of the way of a model to the tip
@@ -391,15 +395,16 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
   if (!current().is_complete) return {};
   const bool has_next = is_usable(next());
   int left = has_next ? kMostSteps - 1 : kMostSteps;
-  walk_to(tip_m, dt_s, left, budget, current());
+  walk_to(there_m(current()), dt_s, left, budget, current());
   const bool is_there = !current().is_walking;
   const Model* model = &current();
   result.force = {model->force_on_tool_newton, model->stored_energy_joule, model->is_touching};
   if (has_next) {
     ++left;
-    walk_to(tip_m, dt_s, left, budget, next());
+    walk_to(there_m(next()), dt_s, left, budget, next());
   }
-  if (has_next && is_there && !is_crossing_ && !next().is_walking && next().covers(tip_m)) {
+  if (has_next && is_there && !is_crossing_ && !next().is_walking &&
+      next().covers(there_m(next()))) {
     is_crossing_ = true;
     share_ = 0.0;
   }
@@ -420,9 +425,11 @@ ElasticPatches::Result ElasticPatches::Patch::step(const Interaction& newest, co
     }
   }
   const bool is_pushed_out = result.force.force_on_tool_newton.dot(model->state.normal) >= 0.0;
-  result.is_valid = is_there && model->is_complete && model->covers(tip_m) && is_pushed_out;
+  result.is_valid =
+      is_there && model->is_complete && model->covers(there_m(*model)) && is_pushed_out;
   if (!is_pushed_out) result.force = {};
-  rub(newest, tip_m, model->state, result.force);
+  surface_m_ += dt_s * model->state.carried_m_per_s;
+  rub(newest, tip_m - surface_m_, model->state, result.force);
   return result;
 }
 
@@ -482,10 +489,10 @@ void ElasticPatches::reset() noexcept {
 }
 
 void ElasticPatches::step(const Interaction& newest, const Vector3& tip_m, double dt_s,
-                          std::uint32_t most_work) noexcept {
+                          double scene_s, std::uint32_t most_work) noexcept {
   Budget budget{.left = most_work};
   for (std::size_t i = 0; i < kMaxElasticPatches; ++i) {
-    results_[i] = patches_[i].step(newest, tip_m, dt_s, newton_per_s_ * dt_s, budget);
+    results_[i] = patches_[i].step(newest, tip_m, dt_s, scene_s, newton_per_s_ * dt_s, budget);
   }
   work_ = budget.used;
 }

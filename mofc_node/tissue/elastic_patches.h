@@ -50,8 +50,9 @@ class ElasticPatches {
   void reset() noexcept;
 
   /// @param newest  where friction begins   @param dt_s  ≥ 0, since the step before
+  /// @param scene_s  of moving tissue, now
   /// @param most_work  in the units of LocalTissues::work_in()
-  void step(const Interaction& newest, const Vector3& tip_m, double dt_s,
+  void step(const Interaction& newest, const Vector3& tip_m, double dt_s, double scene_s,
             std::uint32_t most_work) noexcept;
   /// Of the last step.
   [[nodiscard]] std::uint32_t work() const noexcept { return work_; }

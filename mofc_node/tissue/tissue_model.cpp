@@ -103,7 +103,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
     const std::uint32_t most_work = work_per_step_ - std::min(spent_work, work_per_step_);
     local_.step(store_->tissues(), newest, pose, tool_velocity_world_m_per_s, shares_, most_work);
     if (spent_work == 0) note_cost(newest.header.session_id);
-    elastic_->step(newest, tool_position_world_m, dt_s,
+    elastic_->step(newest, tool_position_world_m, dt_s, pose.time_s,
                    most_work - std::min(local_.work(), most_work));
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
       share_out(local_.results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,

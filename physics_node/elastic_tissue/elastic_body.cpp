@@ -20,6 +20,7 @@
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/mesh_place.h"
 #include "physics_node/elastic_tissue/touching/neighbors.h"
+#include "physics_node/elastic_tissue/touching/resting_together.h"
 #include "physics_node/elastic_tissue/unloaded.h"
 #include "physics_node/files/surface_files.h"
 #include "physics_node/surfaces/triangle_surface.h"
@@ -256,6 +257,27 @@ elastic::UnloadedShape unloaded_shape(elastic::BodyDescription loaded, const Vec
       "load");
 }
 
+/// Of a body that rests at start_m. @param name  begins the message of a SetupError
+void lay_surface(const std::string& name, ElasticBody& made) {
+  made.sag_m = 0.0;
+  for (Eigen::Index i = 0; i < made.start_m.size(); i += 3) {
+    made.sag_m = std::max(made.sag_m,
+                          (made.start_m.segment<3>(i) - made.body->rest_m().segment<3>(i)).norm());
+  }
+  TriangleMesh surface;
+  std::vector<std::uint32_t> vertex_of(made.body->node_count(), 0);
+  for (const std::uint32_t node : made.surface_nodes) {
+    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
+    surface.vertices_m.emplace_back(made.start_m.segment<3>(3 * Eigen::Index{node}));
+  }
+  for (const auto& [a, b, c] : triangles_of(made))
+    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
+  const std::string complaint = complaint_about(surface);
+  if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
+  made.shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
+  made.bounds = made.shape.bounds().value_or(Bounds{});
+}
+
 /// The rest of a body whose constants are known.
 /// @param start_m  where the search for its rest position begins; empty: it is in the mesh
 /// @param name     begins the message of a SetupError
@@ -291,10 +313,6 @@ std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription descripti
                        "finds no rest position under gravity; is the mesh in metres "
                        "(unit_m), is young_pa in Pa, are enough places fixed?");
     }
-    for (Eigen::Index i = 0; i < made.start_m.size(); i += 3) {
-      made.sag_m = std::max(
-          made.sag_m, (made.start_m.segment<3>(i) - made.body->rest_m().segment<3>(i)).norm());
-    }
   }
   std::optional<elastic::WarpedFactor> at_rest;
   if (made.body->description().branches.empty()) {  // which the modes do not know
@@ -305,18 +323,7 @@ std::optional<elastic::WarpedFactor> complete(elastic::BodyDescription descripti
                                kLeastGive / (young_pa * made.tip_radius_m), kMostSlowModes,
                                before == nullptr ? nullptr : &before->slow_modes, old_nodes);
   }
-  TriangleMesh surface;
-  std::vector<std::uint32_t> vertex_of(made.body->node_count(), 0);
-  for (const std::uint32_t node : made.surface_nodes) {
-    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
-    surface.vertices_m.emplace_back(made.start_m.segment<3>(3 * Eigen::Index{node}));
-  }
-  for (const auto& [a, b, c] : triangles_of(made))
-    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
-  const std::string complaint = complaint_about(surface);
-  if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
-  made.shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
-  made.bounds = made.shape.bounds().value_or(Bounds{});
+  lay_surface(name, made);
   return at_rest;
 }
 
@@ -446,8 +453,8 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
   }
   for (const auto& body : bodies) {
     for (const auto& other : bodies) {
-      if (std::find(body->touches.begin(), body->touches.end(), other->tissue) ==
-          body->touches.end()) {
+      if (std::none_of(body->touches.begin(), body->touches.end(),
+                       [&](const auto& one) { return one.tissue == other->tissue; })) {
         continue;
       }
       const std::string name = "the elastic body \"" + scene.tissues[body->tissue].name + "\": ";
@@ -456,6 +463,15 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
                       .surface = std::make_shared<const Shape>(other->shape)}},
                     name);
     }
+  }
+  // and where those that lean on each other rest together
+  std::vector<std::optional<RestAmongOthers>> rests = rests_among_others(bodies);
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    if (!rests[i]) continue;
+    const auto made = std::const_pointer_cast<ElasticBody>(bodies[i]);  // nobody else has it yet
+    made->start_m = std::move(rests[i]->x_m);
+    made->resting.emplace(std::move(rests[i]->resting));
+    lay_surface("the elastic body \"" + scene.tissues[made->tissue].name + "\": ", *made);
   }
   return bodies;
 }

@@ -72,9 +72,11 @@ struct ElasticBody {
   std::optional<ElasticMaterial::Pierced> pierced = {};
   std::vector<elastic::RigidNeighbor> rigid = {};     ///< that it cannot go through
   std::optional<elastic::RigidContact> resting = {};  ///< how it lies on them at start_m
-  std::vector<std::uint32_t> touches = {};            ///< elastic tissues, by index in the scene
+  std::vector<ElasticNeighbor> touches = {};
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 
+  /// It may lie on what moves.
+  [[nodiscard]] bool can_be_carried() const noexcept { return resting && resting->can_move(); }
   [[nodiscard]] bool can_tear() const noexcept {
     const std::vector<elastic::Attachment>& all = body->description().attachments;
     return std::any_of(all.begin(), all.end(), [](const auto& one) { return one.tears(); });

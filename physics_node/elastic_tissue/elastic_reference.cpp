@@ -131,6 +131,7 @@ void ElasticReference::prepare(One& one, const Vector3& tip_m, double time_s) co
   std::array<std::optional<TipState>, 1>& tips = one.tips;
   tips[0].reset();
   const ElasticBody& body = *one.body;
+  one.simulation->set_time(time_s);
   if (one.side.follow(body.shape, body.bounds, tip_radius_m_, kReach_m, tip_m, time_s)) {
     tips[0] = {.tip_m = tip_m,
                .place_m = one.side.place_m(),

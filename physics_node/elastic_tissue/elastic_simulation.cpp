@@ -103,9 +103,10 @@ bool ElasticSimulation::Tips::begin_round(const double* x_m, const elastic::Bloc
   return is_begun;
 }
 
-/// But for what the body lies on.
+/// But for what the body lies on, while that stands still.
 bool ElasticSimulation::Tips::is_still() const {
-  return std::all_of(is_near.begin(), is_near.end(), [](char near) { return near == 0; }) &&
+  return !rigid.is_carried() &&
+         std::all_of(is_near.begin(), is_near.end(), [](char near) { return near == 0; }) &&
          std::all_of(held.begin(), held.end(), [](const auto& one) { return one.is_empty(); }) &&
          tearing.is_idle();
 }
@@ -139,6 +140,8 @@ void ElasticSimulation::continue_as(const ElasticSimulation& other) {
   tips_ = other.tips_;
   touches_ = other.touches_;
   last_tips_ = other.last_tips_;
+  time_s_ = other.time_s_;
+  carried_s_ = other.carried_s_;
   report_ = other.report_;
   failed_steps_ = other.failed_steps_;
   repaired_steps_ = other.repaired_steps_;
@@ -249,15 +252,19 @@ bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips,
   has_torn_ = false;
   this_step_s_ = step_s.value_or(step_s_) / parts;
   bool has_stepped = false;
+  const bool is_carried = tips_.rigid.can_move() && time_s_;
+  if (is_carried && !carried_s_) be_carried();
   for (int part = 1; part <= parts; ++part) {
     part_tips_.assign(tips.begin(), tips.end());
     const double share = static_cast<double>(part) / parts;
+    if (is_carried) part_time_s_ = *carried_s_ + share * (*time_s_ - *carried_s_);
     for (std::size_t i = 0; i < tips.size() && part < parts; ++i) {
       if (!tips[i] || !last_tips_[i]) continue;
       part_tips_[i]->tip_m = last_tips_[i]->tip_m + share * (tips[i]->tip_m - last_tips_[i]->tip_m);
     }
     has_stepped = step_part(part_tips_) || has_stepped;
   }
+  if (is_carried) carried_s_ = time_s_;
   can_step_again_ = can_step_again_ && parts == 1;
   last_tips_.assign(touches_.size(), std::nullopt);
   std::copy(tips.begin(), tips.end(), last_tips_.begin());
@@ -303,6 +310,16 @@ bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips)
   }
   can_step_again_ = false;
   if (is_neighbor_moving_) dynamics_.wake();
+  if (carried_s_ && dynamics_.is_asleep()) {  // what it lies on may move, or come near
+    elastic::RigidContact rigid = tips_.rigid;
+    rigid.move_to(part_time_s_);
+    rigid.begin_step(dynamics_.x_m().data(), dynamics_.v_m_per_s().data(), this_step_s_);
+    if (rigid.is_carried()) {
+      dynamics_.wake();
+    } else {
+      tips_.rigid = std::move(rigid);
+    }
+  }
   if (tips_.is_still() && dynamics_.is_asleep()) {
     static_cast<void>(dynamics_.step(this_step_s_));
     return false;
@@ -329,7 +346,8 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
                                const std::vector<Touch>& touches_before,
                                const std::vector<elastic::SphereContact>& contacts_before) {
   const elastic::StepReport failed = report_;
-  bool can_wait = failed_in_a_row_ < kMostFailedInARow;
+  // between bodies its untouched state may be inside of them by now
+  bool can_wait = failed_in_a_row_ < kMostFailedInARow || !tips_.neighbors.empty();
   std::vector<std::size_t> there;
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     if (!touches_[i].is_near) continue;
@@ -376,6 +394,7 @@ void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tip
   set_body(body_.start_m, relaxed());
   tips_.rigid = *body_.resting;
   for (const std::size_t i : there) touches_[i].is_near = false;
+  if (carried_s_) be_carried();
   bool are_there = false;
   for (int step = 0; step < kMostRepairSteps && !are_there; ++step) {
     before_m_ = dynamics_.x_m();
@@ -428,6 +447,7 @@ bool ElasticSimulation::settle() {
 /// A step with the spheres where they are. False: it has failed.
 bool ElasticSimulation::step_once(bool is_again) {
   if (tips_.rigid.is_there() && !is_again) {
+    if (carried_s_) tips_.rigid.move_to(part_time_s_);
     tips_.rigid.begin_step(dynamics_.x_m().data(), dynamics_.v_m_per_s().data(), this_step_s_);
   }
   elastic::Obstacle* const obstacle = tips_.is_idle() ? nullptr : &tips_;

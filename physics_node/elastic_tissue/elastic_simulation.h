@@ -61,11 +61,17 @@ class ElasticSimulation {
   /// A step after which the surface presses on a sphere from behind, or the centre of a sphere is
   /// inside the body, has failed and is not converged: the body goes back to where it was before,
   /// and the spheres wait there; if that fails too, the body stays there with its forces. After
-  /// some such steps in a row, or a sphere's first step, it begins again from its untouched state,
-  /// the spheres from their proxies, and goes as far as it can in up to kMostRepairSteps steps.
-  /// Under a tip that appears inside the body this comes to rest at once: it did not move there.
+  /// some such steps in a row (of a body that is near no other one), or a sphere's first step, it
+  /// begins again from its untouched state, the spheres from their proxies, and goes as far as it
+  /// can in up to kMostRepairSteps steps. Under a tip that appears inside the body this comes to
+  /// rest at once: it did not move there.
   /// @param step_s  in [¼, 1] × that of the constructor; none: that
   bool step(std::span<const std::optional<TipState>> tips, std::optional<double> step_s = {});
+
+  /// For the next steps: the time of what moves of what the body lies on, at the end of the step.
+  /// In the first of them, and when the body begins again, it goes there in small parts that take
+  /// no time.
+  void set_time(double time_s) { time_s_ = time_s; }
 
   /// For the next steps: planes of other bodies that it may touch, and whether one of those moves.
   void set_neighbors(std::vector<elastic::ContactPlane> planes, bool is_moving) {
@@ -183,6 +189,7 @@ class ElasticSimulation {
   bool follow(std::size_t tool, const TipState& tip);
   [[nodiscard]] bool step_once(bool is_again = false);
   [[nodiscard]] bool settle();
+  void be_carried();
   [[nodiscard]] bool is_wrong(std::size_t tool) const;
   void repair(std::span<const std::optional<TipState>> tips,
               const std::vector<Touch>& touches_before,
@@ -211,6 +218,10 @@ class ElasticSimulation {
   std::uint64_t repaired_steps_ = 0;
   std::uint64_t appeared_ = 0;
   int failed_in_a_row_ = 0;
+  // of what the body lies on
+  std::optional<double> time_s_;
+  double part_time_s_ = 0.0;
+  std::optional<double> carried_s_;  // at the end of the last step
   bool has_torn_ = false;
   bool is_neighbor_moving_ = false;
   bool can_step_again_ = false;

@@ -95,8 +95,13 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
   own.last_passed = (own.last_passed + 1) % own.passed.size();
   own.passed[own.last_passed] = {.tip_m = tip_m, .time_s = time_s};
   own.reach_m = reach_m;
+  if (whole_->can_be_carried()) {
+    noted_s_.store(time_s, std::memory_order_relaxed);
+    const Prepared* const prepared = own.prepared.newest();
+    if (prepared != nullptr) own.carried_m = prepared->carried.at_m(time_s);
+  }
   const bool is_near = own.side.follow(own.surface_of->shape, own.surface_of->bounds, tip_radius_m_,
-                                       reach_m, tip_m, time_s);
+                                       reach_m, tip_m - own.carried_m, time_s);
   if (!is_near) own.rubbing = {};
   if (!is_near && !own.is_holding) {
     own.tip.store({});
@@ -105,7 +110,7 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
   // what the jaws hold comes along, however far
   const SurfaceView view =
       is_near ? own.side.view() : SurfaceView{.distance_m = tip_radius_m_ + reach_m};
-  const Vector3 place_m = is_near ? own.side.place_m() : tip_m;
+  const Vector3 place_m = is_near ? own.side.place_m() + own.carried_m : tip_m;
   const Vector3& friction = own.rubbing.force_on_tool_newton();
   const Vector3 velocity = own.recent_velocity_m_per_s();
   own.tip.store({.x_m = tip_m.x(),
@@ -148,7 +153,11 @@ Vector3 ElasticTissue::press(Tool& own, Prepared& prepared) const noexcept {
   const Vector3 from_m = is_new ? prepared.centre_m : own.stepped_m;
   // one that looks ahead is never later than the last step
   const double from_s = is_new ? std::min(prepared.time_s, own.time_s - own.step_s) : own.stepped_s;
-  const Vector3 tip_m = prepared.reachable_m(own.tip_m);
+  // as the sphere would be if nothing had carried the surface since the solution
+  const auto there_m = [&](const Vector3& tip_m, double at_s) {
+    return prepared.reachable_m(tip_m - prepared.carried.since_m(at_s));
+  };
+  const Vector3 tip_m = there_m(own.tip_m, own.time_s);
   const double parts = (tip_m - from_m).norm() / (kStepRadii * tip_radius_m_);
   const int least = is_new ? kLeastCatchUpSteps : 1;
   const int steps = parts < kMostCatchUpSteps ? std::max(least, static_cast<int>(std::ceil(parts)))
@@ -180,8 +189,7 @@ Vector3 ElasticTissue::press(Tool& own, Prepared& prepared) const noexcept {
       const double share = gap_s > 0.0 ? std::clamp((at_s - earlier_s) / gap_s, 0.0, 1.0) : 1.0;
       const Vector3 at_m = earlier_m + share * (own.passed[later].tip_m - earlier_m);
       force = prepared.contact
-                  ->step(prepared.reachable_m(at_m), tip_radius_m_, kMostSweeps, kSweepTolerance_m,
-                         step_s)
+                  ->step(there_m(at_m, at_s), tip_radius_m_, kMostSweeps, kSweepTolerance_m, step_s)
                   .force_on_sphere_newton;
     }
     here_s = to_s;
@@ -227,8 +235,11 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
     if (const std::optional<bool> held = hold(own, contact)) return *held;
   }
   if (!own.side.is_known()) return false;
-  const Vector3& tip_m = own.tip_m;
   Prepared* const prepared = own.prepared.newest();
+  const bool is_carried = prepared != nullptr && !prepared->carried.motions.empty();
+  // as it would be if nothing had carried the surface since the solution
+  const Vector3 tip_m =
+      is_carried ? Vector3(own.tip_m - prepared->carried.since_m(own.time_s)) : own.tip_m;
   const SurfaceView& view = own.side.view();
   const double penetration_m =
       tip_radius_m_ - view.distance_m +
@@ -268,7 +279,11 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
   }
   contact = elastic_contact(whole_->tissue, view, depth_m, own.normal, own.stiffness_newton_per_m,
                             tip_radius_m_);
-  rubbing.settle(tip_m, whole_->friction_coefficient, whole_->shear_newton_per_m, contact);
+  if (is_carried) {
+    contact.surface_velocity_world_m_per_s = prepared->carried.velocity_m_per_s(own.time_s);
+  }
+  rubbing.settle(own.tip_m - own.carried_m, whole_->friction_coefficient,
+                 whole_->shear_newton_per_m, contact);
   own.rubbing = rubbing;
   pierce(own, contact);
   return contact.force_on_tool_newton.allFinite();
@@ -336,6 +351,9 @@ void ElasticTissue::begin_solve(double step_s, double ahead_s) {
   if (ablation_) change_body(step_s);
   if (gripper_) close_jaws();
   sweep_blades();
+  if (!whole_->can_be_carried()) return;
+  solved_s_ = noted_s_.load(std::memory_order_relaxed);
+  simulation_->set_time(solved_s_);
 }
 
 void ElasticTissue::end_solve(double step_s, bool has_stepped) {
@@ -385,13 +403,14 @@ void ElasticTissue::compare(elastic::StatedError& stated, double error_newton, d
 /// Compares the full solution with what the model prepared before it says for the same place.
 void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s) {
   const double newton = touch.force_on_tool_newton.norm();
-  const double way_m = (touch.centre_m - tool.last_centre_m).norm();
+  const Vector3 centre_m = touch.centre_m - tool.carried.since_m(solved_s_);
+  const double way_m = (centre_m - tool.last_centre_m).norm();
   if (!touch.is_near) {
     tool.error = {};
   }
   if (!touch.is_near || !tool.last || !(newton > 0.0) || way_m > tip_radius_m_) return;
   const Vector3 expected =
-      tool.last->step(touch.centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m, step_s)
+      tool.last->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m, step_s)
           .force_on_sphere_newton +
       tool.last_force_outside_patch_newton;
   compare(tool.error, (expected - touch.force_on_tool_newton).norm(), way_m);
@@ -414,6 +433,9 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
                          draft.patch_m, kMostPoints, kPointsWithin * body_->tip_radius_m,
                          tool.slow_normal);
   lean_or_swing(*draft.contact, touch.centre_m);
+  tool.carried_since_last_m = tool.carried.since_m(solved_s_);
+  tool.carried = carried_now(index, *draft.contact, tool.carried);
+  draft.carried = tool.carried;
   draft.contact->relax(body_->points, simulation_->v_m_per_s(), body_->viscosity_s,
                        &simulation_->relaxation());
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
@@ -455,7 +477,11 @@ void ElasticTissue::prepare(std::size_t index, double step_s) {
 void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& touch,
                                    elastic::CondensedContact& contact) {
   const double newton = touch.force_on_tool_newton.norm();
-  const Vector3 way = touch.centre_m - tool.last_centre_m;
+  const Vector3 way = touch.centre_m - tool.last_centre_m - tool.carried_since_last_m;
+  const auto moved_by = [&](elastic::VectorXd x_m, const Vector3& by_m) {
+    if (body_->can_be_carried()) x_m.reshaped(3, x_m.size() / 3).colwise() += by_m;
+    return x_m;
+  };
   const auto add_last = [&] {
     if (!(tool.last_newton > 0.0 && std::abs(newton - tool.last_newton) > kOtherForce * newton &&
           std::abs(way.dot(tool.slow_normal)) > kAlongNormal * way.norm())) {
@@ -463,11 +489,11 @@ void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& t
     }
     std::vector<elastic::Vector3d> forces(body_->points.size(), elastic::Vector3d::Zero());
     for (const auto& [point, force] : tool.last_forces_newton) forces[point] = force;
-    return contact.add_equilibrium(body_->points, tool.last_m, forces, &tool.last_m_per_s,
-                                   &tool.last_creep_m);
+    return contact.add_equilibrium(body_->points, moved_by(tool.last_m, tool.carried_since_last_m),
+                                   forces, &tool.last_m_per_s, &tool.last_creep_m);
   };
   if (is_hasty(tool) && add_last()) return;
-  contact.add_equilibrium(body_->points, body_->start_m, {});
+  contact.add_equilibrium(body_->points, moved_by(body_->start_m, tool.carried.way_m), {});
   if (!is_hasty(tool)) add_last();
 }
 

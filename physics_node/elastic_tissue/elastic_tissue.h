@@ -31,6 +31,7 @@
 #include "physics_node/elastic_tissue/jaw.h"
 #include "physics_node/elastic_tissue/needle/piercing.h"
 #include "physics_node/elastic_tissue/patch/patch_maker.h"
+#include "physics_node/elastic_tissue/touching/carried.h"
 
 namespace palpate::physics {
 
@@ -221,6 +222,7 @@ class ElasticTissue {
     double surface_offset_by_other_tools_m =
         0.0;                     // of the surface by other tools, along its normal
     elastic::StatedError error;  // of the force, by the way from that centre
+    Carried carried;             // the surface, since then
   };
   struct Tool {
     Snapshot<Tip> tip;
@@ -248,7 +250,8 @@ class ElasticTissue {
     std::size_t last_passed = 0;
     [[nodiscard]] Vector3 recent_velocity_m_per_s() const noexcept;
     double reach_m = 0.0;
-    TipSide side{};
+    Vector3 carried_m = Vector3::Zero();  // of the surface, now
+    TipSide side{};                       // of the tip less that
     double stiffness_newton_per_m = 0.0;
     Vector3 normal = Vector3::UnitZ();
     double bound_newton = kUnknownNewton;
@@ -277,10 +280,12 @@ class ElasticTissue {
     elastic::VectorXd last_creep_m;
     std::vector<std::pair<std::size_t, elastic::Vector3d>> last_forces_newton;  // on the points
     double last_newton = 0.0;
-    bool is_prepared = false;                      // a draft waits to be published
-    double slow_distance_m = 0.0;                  // from the tip to it
-    Vector3 patch_tip_m = Vector3::Constant(1e9);  // of the last patch
-    bool is_patched = false;                       // a draft waits to be published
+    bool is_prepared = false;                        // a draft waits to be published
+    double slow_distance_m = 0.0;                    // from the tip to it
+    Vector3 patch_tip_m = Vector3::Constant(1e9);    // of the last patch
+    bool is_patched = false;                         // a draft waits to be published
+    Carried carried;                                 // in the last one that was prepared
+    Vector3 carried_since_last_m = Vector3::Zero();  // between that and the one before it
     std::optional<elastic::CondensedContact> last;
     Vector3 last_centre_m = Vector3::Zero();
     Vector3 last_force_outside_patch_newton = Vector3::Zero();
@@ -298,6 +303,8 @@ class ElasticTissue {
   void compare(elastic::StatedError& stated, double error_newton, double way_m);
   void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
   void prepare(std::size_t tool, double step_s);
+  [[nodiscard]] Carried carried_now(std::size_t tool, const elastic::CondensedContact& contact,
+                                    const Carried& before) const;
   void lean_or_swing(elastic::CondensedContact& contact, const Vector3& centre_m) const;
   [[nodiscard]] bool can_be_pierced() const noexcept;
   [[nodiscard]] bool can_be_cut() const noexcept;
@@ -335,6 +342,8 @@ class ElasticTissue {
   std::vector<std::optional<PatchMaker>> makers_;  // of the tools
   std::vector<std::optional<TipState>> tips_;
   std::vector<elastic::Support> leaning_;
+  std::atomic<double> noted_s_ = 0.0;  // by the tools' steps, last
+  double solved_s_ = 0.0;              // of the last solution
   ElasticFigures figures_;
   std::uint64_t without_compliance_ = 0;  // contacts that could not be prepared
   int hasty_solves_ = 0;                  // that follow a fast motion, still to be made

@@ -41,6 +41,8 @@ void ElasticTissue::continue_as(const ElasticTissue& other) {
     makers_[i].reset();
   }
   tips_ = other.tips_;
+  noted_s_ = other.noted_s_.load();
+  solved_s_ = other.solved_s_;
   figures_ = other.figures_;
   without_compliance_ = other.without_compliance_;
   hasty_solves_ = other.hasty_solves_;
@@ -216,7 +218,10 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
                  .held_solutions =
                      static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
                      kHeldPeriods,
-                 .gap_m = tool.slow_distance_m},
+                 .gap_m = tool.slow_distance_m,
+                 .carried_m = tool.carried.at_m(solved_s_),
+                 .carried_m_per_s = tool.carried.velocity_m_per_s(solved_s_),
+                 .carried_at_s = solved_s_},
                 touch.is_near ? touch : free, simulation_->x_m(), simulation_->v_m_per_s(),
                 is_alone(index));
   tool.patch_tip_m = tip_m;

@@ -763,8 +763,9 @@ inline bool same(const ElasticNews& a, const ElasticNews& b) {
          s.friction_coefficient == t.friction_coefficient &&
          s.friction_stiffness_newton_per_m == t.friction_stiffness_newton_per_m &&
          s.has_rest == t.has_rest && s.compliance_ratio == t.compliance_ratio &&
-         same(s.normal, t.normal) && same(s.from_m, t.from_m) && same(s.to_m, t.to_m) &&
-         s.radius_m == t.radius_m && s.away_step_m == t.away_step_m &&
+         same(s.carried_m, t.carried_m) && same(s.carried_m_per_s, t.carried_m_per_s) &&
+         s.carried_at_s == t.carried_at_s && same(s.normal, t.normal) && same(s.from_m, t.from_m) &&
+         same(s.to_m, t.to_m) && s.radius_m == t.radius_m && s.away_step_m == t.away_step_m &&
          s.force_step_newton == t.force_step_newton && s.places == t.places;
 }
 inline bool same(const Interaction& a, const Interaction& b) {

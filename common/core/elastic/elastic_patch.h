@@ -29,6 +29,7 @@ inline constexpr double kMaxElasticRelaxationS = 10.0;
 /// rest.
 inline constexpr double kMinComplianceRatio = 0.1;
 inline constexpr double kMaxComplianceRatio = 2.0;
+inline constexpr double kLongestCarriedS = 0.25;
 /// 1 in the integers of the structs below.
 inline constexpr double kElasticScale = 32767.0;
 
@@ -88,9 +89,20 @@ struct ElasticState {
   Vector3 from_m = Vector3::Zero();   ///< foot of the tip on the surface,
   Vector3 to_m = Vector3::Zero();     ///< and where it moves
   double radius_m = 0.0;
-  float away_step_m = 0.0F;  ///< of 1 in the integers, times kElasticScale
+  /// What the body lies on has carried the surface by so much, and carries it on. All places above
+  /// and below are W less this: where they would be without.
+  Vector3 carried_m = Vector3::Zero();
+  Vector3 carried_m_per_s = Vector3::Zero();
+  double carried_at_s = 0.0;  ///< time of moving tissue, in this solution
+  float away_step_m = 0.0F;   ///< of 1 in the integers, times kElasticScale
   float force_step_newton = 0.0F;
   std::array<ElasticPlace, kElasticSlots> places{};  ///< by slot
+
+  /// At a time of moving tissue. From kLongestCarriedS on it is not known where it went.
+  [[nodiscard]] Vector3 carried_by_m(double scene_s) const noexcept {
+    const double since_s = std::clamp(scene_s - carried_at_s, 0.0, kLongestCarriedS);
+    return carried_m + since_s * carried_m_per_s;
+  }
 };
 
 /// Distance from the line between the feet of the tip along the surface; places above and below it

@@ -134,6 +134,10 @@ void put_state(const ElasticState& state, v1::ElasticState& to) {
     if (state.relaxation_s > 0.0) put_all(place.rest, *to.mutable_rests());
   }
   if (state.relaxation_s > 0.0) to.set_relaxation_s(state.relaxation_s);
+  if (state.carried_m.isZero(0.0) && state.carried_m_per_s.isZero(0.0)) return;
+  put(state.carried_m, *to.mutable_carried_m());
+  put(state.carried_m_per_s, *to.mutable_carried_m_per_s());
+  to.set_carried_at_s(state.carried_at_s);
 }
 
 void check_state(const v1::ElasticState& state, Verdict& verdict) {
@@ -159,6 +163,11 @@ void check_state(const v1::ElasticState& state, Verdict& verdict) {
   verdict.number(static_cast<double>(state.away_step_m()), 0.0, kMaxPositionM);
   verdict.number(static_cast<double>(state.force_step_newton()), 0.0, kMaxTissueForceNewton);
   verdict.number(state.relaxation_s(), 0.0, kMaxElasticRelaxationS);
+  if (state.has_carried_m()) verdict.vector(true, state.carried_m(), kMaxPositionM);
+  if (state.has_carried_m_per_s()) {
+    verdict.vector(true, state.carried_m_per_s(), kMaxTissueSpeedMPerS);
+  }
+  verdict.finite(state.carried_at_s());
   const std::string& places = state.places();
   verdict.expect(places.size() % kPlaceBytes == 0);
   verdict.expect(state.rests().empty() ||
@@ -195,6 +204,10 @@ void read(const v1::ElasticState& wire, ElasticState& state) {
   state.away_step_m = wire.away_step_m();
   state.force_step_newton = wire.force_step_newton();
   state.relaxation_s = wire.relaxation_s();
+  state.carried_m = wire.has_carried_m() ? vector(wire.carried_m()) : Vector3::Zero();
+  state.carried_m_per_s =
+      wire.has_carried_m_per_s() ? vector(wire.carried_m_per_s()) : Vector3::Zero();
+  state.carried_at_s = wire.carried_at_s();
   state.places.fill({});
   std::size_t rest_at = 0;
   for (std::size_t at = 0; at < wire.places().size(); at += kPlaceBytes) {

@@ -301,9 +301,22 @@ TissueMotionConfig to_motion(const Fields& tissue) {
   return motion;
 }
 
+/// It names that tissue too, and both give a friction, not the same.
+bool is_named_otherwise(const TissueConfig& other, std::size_t tissue, bool has_friction,
+                        double friction_coefficient) {
+  const auto* const material = std::get_if<ElasticMaterial>(&other.material);
+  return material != nullptr && has_friction &&
+         std::any_of(material->touches.begin(), material->touches.end(), [&](const auto& one) {
+           return one.tissue == tissue && one.friction_coefficient > 0.0 &&
+                  one.friction_coefficient != friction_coefficient;
+         });
+}
+
 /// What elastic tissues touch, by name, when all are known.
 void add_touches(const Fields& scene, SceneConfig& config) {
   constexpr std::size_t kMostTouches = 16;
+  constexpr double kMostCarried_m = 0.02;    // by what it touches
+  constexpr double kMostCarriedShare = 0.1;  // of solve_rate_hz
   std::size_t index = 0;
   for (const Fields& tissue : scene.messages("tissue")) {
     const std::size_t own = index++;
@@ -328,12 +341,14 @@ void add_touches(const Fields& scene, SceneConfig& config) {
         touches.problem("tissue", "is this tissue itself; name another one");
       } else if (!touched.insert(other).second) {
         touches.problem("tissue", "is named twice; leave one out");
+      } else if (other < own &&
+                 is_named_otherwise(config.tissues[other], own, touches.has("friction_coefficient"),
+                                    friction_coefficient)) {
+        touches.problem("friction_coefficient",
+                        "is another one than \"" + name + "\" gives for the two; leave one out");
       } else if (const auto* const elastic_other =
                      std::get_if<ElasticMaterial>(&config.tissues[other].material);
-                 elastic_other != nullptr && touches.has("friction_coefficient")) {
-        touches.problem("friction_coefficient",
-                        "two elastic tissues slide on each other without friction; leave it out");
-      } else if (elastic_other != nullptr &&
+                 elastic_other != nullptr &&
                  elastic_other->solve_rate_hz != material->solve_rate_hz) {
         touches.problem("tissue", "is solved at " + shown(elastic_other->solve_rate_hz) +
                                       " Hz, this one at " + shown(material->solve_rate_hz) +
@@ -345,10 +360,16 @@ void add_touches(const Fields& scene, SceneConfig& config) {
                         "is a point_cloud, which has no inside; give it as a "
                         "triangle_surface");
       } else if (const TissueMotionConfig& motion = config.tissues[other].motion;
-                 motion.frequency_hz > 0.0 && !motion.amplitude_m.isZero(0.0)) {
-        touches.problem("tissue",
-                        "moves; only what stands still may be named here: leave out its "
-                        "motion");
+                 motion.amplitude_m.norm() > kMostCarried_m) {
+        touches.problem("tissue", "moves by up to " + shown(1e3 * motion.amplitude_m.norm()) +
+                                      " mm: must be at most 20 mm; give its motion a smaller "
+                                      "amplitude_m");
+      } else if (motion.frequency_hz > kMostCarriedShare * material->solve_rate_hz) {
+        touches.problem("tissue", "oscillates at " + shown(motion.frequency_hz) +
+                                      " Hz: must be at most a tenth of solve_rate_hz, " +
+                                      shown(material->solve_rate_hz) +
+                                      " Hz; give its motion a lower frequency_hz or raise "
+                                      "solve_rate_hz");
       } else {
         material->touches.push_back(
             {.tissue = other, .friction_coefficient = friction_coefficient});

@@ -152,6 +152,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   ways_m_.clear();
   held_m_.clear();
   scale_ = 1.0;
+  carried_.clear();
 }
 
 void CondensedContact::swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/tissue.h"
 #include "physics_node/elastic/condensed/slow_modes.h"
 #include "physics_node/elastic/relaxation.h"
 #include "physics_node/elastic/sphere_contact.h"
@@ -98,6 +99,7 @@ struct Support {
   /// What it leans on: a point of another body, which gives way too; null: it does not.
   SurfaceCompliance* other = nullptr;
   SurfacePoint other_point = {};
+  palpate::TissueMotionConfig motion = {};  ///< of what it leans on; amplitude 0: it stands still
 };
 
 struct CondensedReport {
@@ -139,11 +141,17 @@ class CondensedContact {
   ///
   /// with B what forces at the supports move the points, W what they move the supports, D what
   /// these give way. Of more than kMostSupports directions those nearest to the sphere of prepare()
-  /// count. move_surface() does not know of it. Allocates. @throws std::runtime_error  @see
-  /// require()
+  /// count. What moves of these carries the points: @see carried(). move_surface() does not know of
+  /// it. Allocates. @throws std::runtime_error  @see require()
   void lean_on(std::vector<Support> supports, const std::vector<SurfacePoint>& points,
                const VectorXd& x_m, const Vector3d& centre_m);
   static constexpr std::size_t kMostSupports = 128;
+  /// How what the body leans on carries the place that is pressed, or else the point nearest to the
+  /// sphere: B (W + D)⁻¹ times the amplitude of each motion, quasi-static. step() does not know of
+  /// it: its sphere is there less how far this has gone since the full solution.
+  [[nodiscard]] const std::vector<palpate::TissueMotionConfig>& carried() const noexcept {
+    return carried_;
+  }
 
   /// After prepare(), before relax(): in steps of some length these modes of the body move as their
   /// inertia lets them, from the full solution of prepare() on; in steps of no length they are at
@@ -262,6 +270,7 @@ class CondensedContact {
   std::vector<std::vector<Vector3d>> ways_m_;  // h of each branch, of each point
   std::vector<Vector3d> held_m_;               // positions_m_ less what the branches hold
   double scale_ = 1.0;                         // of the compliance
+  std::vector<palpate::TissueMotionConfig> carried_;
 };
 
 }  // namespace palpate::elastic

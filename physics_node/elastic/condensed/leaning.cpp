@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
+#include "common/contact/tissue_motion.h"
 #include "physics_node/elastic/condensed/condensed_contact.h"
 
 namespace palpate::elastic {
@@ -30,6 +32,27 @@ Vector3d moved_m(const SurfaceCompliance& compliance, std::uint32_t node, const 
 void sort_out(std::vector<std::uint32_t>& nodes) {
   std::sort(nodes.begin(), nodes.end());
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+}
+
+/// The motions of supports, each with how far it moves the supports along their directions.
+std::vector<std::pair<palpate::TissueMotionConfig, Eigen::VectorXd>> motions_of(
+    const std::vector<Support>& supports) {
+  std::vector<std::pair<palpate::TissueMotionConfig, Eigen::VectorXd>> motions;
+  for (std::size_t s = 0; s < supports.size(); ++s) {
+    const palpate::TissueMotionConfig& motion = supports[s].motion;
+    if (!palpate::is_moving(motion)) continue;
+    auto found = std::find_if(motions.begin(), motions.end(), [&](const auto& one) {
+      return one.first.frequency_hz == motion.frequency_hz &&
+             one.first.phase_rad == motion.phase_rad;
+    });
+    if (found == motions.end()) {
+      motions.emplace_back(motion,
+                           Eigen::VectorXd::Zero(static_cast<Eigen::Index>(supports.size())));
+      found = std::prev(motions.end());
+    }
+    found->second[static_cast<Eigen::Index>(s)] = supports[s].direction.dot(motion.amplitude_m);
+  }
+  return motions;
 }
 
 /// What the others give way where they are leant on, along the directions of the supports.
@@ -130,6 +153,22 @@ void CondensedContact::lean_on(std::vector<Support> supports,
   // B (W + D)⁻¹ Bᵀ = Y Yᵀ, so that it is symmetric
   const Eigen::MatrixXd less = factor.matrixL().solve(onto_points.transpose());
   if (!less.allFinite()) return;
+  carried_.clear();
+  for (const auto& [motion, ways_m] : motions_of(supports)) {
+    const Eigen::VectorXd pushed = less.transpose() * factor.matrixL().solve(ways_m);
+    Vector3d carried_m = pushed.head<3>();  // of the nearest point
+    double sum_newton = 0.0;
+    Vector3d sum = Vector3d::Zero();
+    for (std::size_t j = 0; j < chosen_.size(); ++j) {
+      const double newton = forces_newton_[j].norm();
+      sum += newton * pushed.segment<3>(3 * static_cast<Eigen::Index>(j));
+      sum_newton += newton;
+    }
+    if (sum_newton > 0.0) carried_m = sum / sum_newton;
+    carried_.push_back({.amplitude_m = carried_m,
+                        .frequency_hz = motion.frequency_hz,
+                        .phase_rad = motion.phase_rad});
+  }
   const Eigen::MatrixXf taken = (less.transpose() * less).cast<float>();
   std::vector<float>& all = own_among();
   for (Eigen::Index column = 0; column < taken.cols(); ++column) {

@@ -72,11 +72,14 @@ void ContactPlane::slip(const double* x_m) noexcept {
 std::vector<Support> supports_of(const std::vector<ContactPlane>& planes, const double* x_m) {
   std::vector<Support> supports;
   for (const ContactPlane& plane : planes) {
-    supports.push_back({.point = plane.point, .direction = plane.normal});
+    const Support along{.point = plane.point, .direction = plane.normal, .motion = plane.motion};
+    supports.push_back(along);
     if (!plane.is_stuck(x_m)) continue;
     const Vector3d first = plane.normal.unitOrthogonal();
-    supports.push_back({.point = plane.point, .direction = first});
-    supports.push_back({.point = plane.point, .direction = plane.normal.cross(first)});
+    supports.push_back(along);
+    supports.back().direction = first;
+    supports.push_back(along);
+    supports.back().direction = plane.normal.cross(first);
   }
   return supports;
 }

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/core/tissue.h"
 #include "physics_node/elastic/body.h"
 #include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic/obstacle.h"
@@ -30,6 +31,7 @@ struct ContactPlane {
   double friction_coefficient = 0.0;     ///< µ
   double limit_newton = 0.0;             ///< τ
   Vector3d anchor_m = Vector3d::Zero();  ///< where friction holds it
+  palpate::TissueMotionConfig motion{};  ///< of what it is a plane of
 
   [[nodiscard]] double gap_m(const double* x_m) const noexcept {
     return normal.dot(point.position_m(x_m)) - offset_m;

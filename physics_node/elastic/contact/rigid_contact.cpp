@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/contact/tissue_motion.h"
+
 namespace palpate::elastic {
 namespace {
 
@@ -28,6 +30,11 @@ RigidContact::RigidContact(const Body& body, const std::vector<Face>& faces,
                            std::vector<RigidNeighbor> neighbors)
     : neighbors_(std::move(neighbors)) {
   if (neighbors_.empty()) return;
+  if (std::any_of(neighbors_.begin(), neighbors_.end(),
+                  [](const RigidNeighbor& one) { return is_moving(one.motion); })) {
+    moved_m_.assign(neighbors_.size(), Vector3d::Zero());
+    last_way_m_ = moved_m_;
+  }
   const double young_pa = body.description().materials.front().young_modulus_pa;
   const std::vector<double> areas = areas_of_nodes_m2(body.mesh(), faces);
   for (std::uint32_t node = 0; node < areas.size(); ++node) {
@@ -41,13 +48,52 @@ RigidContact::RigidContact(const Body& body, const std::vector<Face>& faces,
       one.plane.stiffness_newton_per_m =
           contact_stiffness_newton_per_m(young_pa, areas[node], kModuli);
       one.plane.friction_coefficient = neighbors_[k].friction_coefficient;
+      one.plane.motion = neighbors_[k].motion;
       ones_.push_back(one);
     }
   }
 }
 
+void RigidContact::move_to(double time_s) noexcept { move_towards(time_s, 1.0); }
+
+double RigidContact::way_to_m(double time_s) const noexcept {
+  double longest_m = 0.0;
+  for (std::size_t k = 0; k < moved_m_.size(); ++k) {
+    const Vector3d way_m = displacement(neighbors_[k].motion, time_s).position_m - moved_m_[k];
+    longest_m = std::max(longest_m, way_m.norm());
+  }
+  return longest_m;
+}
+
+void RigidContact::move_towards(double time_s, double share) noexcept {
+  for (std::size_t k = 0; k < moved_m_.size(); ++k) {
+    const Vector3d to_m = displacement(neighbors_[k].motion, time_s).position_m;
+    last_way_m_[k] = share * (to_m - moved_m_[k]);
+    moved_m_[k] = share == 1.0 ? to_m : Vector3d(moved_m_[k] + last_way_m_[k]);
+  }
+  if (!can_move()) return;
+  for (One& one : ones_) {
+    const Vector3d& way_m = last_way_m_[one.neighbor];
+    one.plane.offset_m += one.plane.normal.dot(way_m);
+    one.plane.anchor_m += way_m;
+    one.seen_m += way_m;
+  }
+}
+
+bool RigidContact::is_carried() const noexcept {
+  return can_move() && std::any_of(near_.begin(), near_.end(), [&](std::uint32_t i) {
+           return !last_way_m_[ones_[i].neighbor].isZero(0.0);
+         });
+}
+
+palpate::SurfaceView RigidContact::view(std::uint32_t neighbor, const Vector3d& at_m,
+                                        palpate::SurfaceHint& hint) const {
+  const palpate::Surface& surface = *neighbors_[neighbor].surface;
+  return can_move() ? surface.view(at_m - moved_m_[neighbor], hint) : surface.view(at_m, hint);
+}
+
 void RigidContact::look(One& one, const Vector3d& at_m) const {
-  const palpate::SurfaceView view = neighbors_[one.neighbor].surface->view(at_m, one.hint);
+  const palpate::SurfaceView view = this->view(one.neighbor, at_m, one.hint);
   one.seen_m = at_m;
   one.clear_m = view.distance_m;
   if (!std::isfinite(view.distance_m)) return;
@@ -64,6 +110,7 @@ void RigidContact::begin_step(const double* x_m, const double* v_m_per_s, double
     const Vector3d at_m = one.plane.point.position_m(x_m);
     const double speed = v_m_per_s == nullptr ? 0.0 : one.plane.point.position_m(v_m_per_s).norm();
     one.margin_m = kReach_m + kWays * speed * step_s;
+    if (can_move()) one.margin_m += kWays * last_way_m_[one.neighbor].norm();
     const double moved_m = (at_m - one.seen_m).norm();
     if (one.clear_m - moved_m > one.margin_m) {
       one.is_near = false;
@@ -169,7 +216,7 @@ double RigidContact::deepest_m(const double* x_m) const noexcept {
     const Vector3d at_m = one.plane.point.position_m(x_m);
     if (one.clear_m - (at_m - one.seen_m).norm() > 0.0) continue;
     palpate::SurfaceHint hint = one.hint;
-    deepest_m = std::max(deepest_m, -neighbors_[one.neighbor].surface->view(at_m, hint).distance_m);
+    deepest_m = std::max(deepest_m, -view(one.neighbor, at_m, hint).distance_m);
   }
   return deepest_m;
 }

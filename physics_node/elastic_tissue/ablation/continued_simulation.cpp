@@ -32,6 +32,9 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, const ElasticSimul
   dynamics_.set_relaxation(before.relaxation().of(change.old_nodes));
   dynamics_.set_state(x_m, v_m_per_s);
   dynamics_.search().update_rotations(x_m);
+  time_s_ = before.time_s_;
+  carried_s_ = before.carried_s_;
+  if (carried_s_) tips_.rigid.move_to(*carried_s_);
   report_ = before.report_;
   last_tips_ = before.last_tips_;
   failed_in_a_row_ = before.failed_in_a_row_;

@@ -56,7 +56,7 @@ void PatchMaker::gather(const ElasticSimulation::Touch& touch, const elastic::Ve
       facing = point.outward(x_m.data()).dot(state.normal);
     }
     if (facing < kLeastTowardsTip && !is_pressed) continue;
-    const Vector3 at_m = point.position_m(x_m.data());
+    const Vector3 at_m = place_m(p, x_m);
     const double distance_m = elastic_distance_m(state.normal, state.from_m, state.to_m, at_m);
     if (distance_m > farthest_m && !is_pressed) continue;
     const double order_m = is_pressed ? -1.0 : (slot_of_[p] >= 0 ? kKeepShare : 1.0) * distance_m;
@@ -147,7 +147,10 @@ void PatchMaker::update(const Tip& tip, const ElasticSimulation::Touch& touch,
   state.normal = tip.normal.normalized();
   // the end of the way ahead, from the feet of the tip
   Vector3 along_m = tip.ahead_m - state.normal * state.normal.dot(tip.ahead_m);
-  state.from_m = tip.tip_m - std::max(tip.gap_m, tip_radius_m_) * state.normal;
+  state.carried_m = tip.carried_m;
+  state.carried_m_per_s = tip.carried_m_per_s;
+  state.carried_at_s = tip.carried_at_s;
+  state.from_m = tip.tip_m - state.carried_m - std::max(tip.gap_m, tip_radius_m_) * state.normal;
   state.to_m = state.from_m + along_m;
   along_m = limited_to_norm(along_m, kLongestWayRadii * tip_radius_m_);
   state.from_m = state.to_m - along_m;
@@ -232,7 +235,7 @@ void PatchMaker::describe(const ElasticSimulation::Touch& touch, const elastic::
                           const elastic::VectorXd& v_m_per_s, bool is_alone) {
   ElasticState& state = patch_.state;
   ++state.number;
-  state.center_m = touch.centre_m;
+  state.center_m = touch.centre_m - state.carried_m;
   state.force_outside_patch_newton = touch.force_on_tool_newton;
   state.places.fill({});
   const bool has_forces = !touch.forces_on_body_newton.empty();
@@ -246,12 +249,13 @@ void PatchMaker::describe(const ElasticSimulation::Touch& touch, const elastic::
     const elastic::SurfacePoint& point = body_.points[*point_in_[slot]];
     forces[slot] =
         has_forces ? touch.forces_on_body_newton[*point_in_[slot]] : Vector3(Vector3::Zero());
-    const Vector3 at_m = point.position_m(x_m.data());
+    const Vector3 at_m = place_m(*point_in_[slot], x_m);
     patch_.slots[slot].distance_m =
         elastic_distance_m(state.normal, state.from_m, state.to_m, at_m);
     away[slot] = at_m - state.from_m;
     ways_m[slot] = at_m - patch_.slots[slot].point.rest_m;
-    rates_m[slot] = state.relaxation_s * point.position_m(v_m_per_s.data());
+    rates_m[slot] =
+        state.relaxation_s * (point.position_m(v_m_per_s.data()) - state.carried_m_per_s);
     if (!forces[slot].isZero(0.0)) {
       patch_.slots[slot].distance_m = -1.0;
       pressed_at_[slot] = state.number;

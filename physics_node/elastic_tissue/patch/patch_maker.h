@@ -47,6 +47,10 @@ class PatchMaker {
     /// A slot keeps its point for so many solutions after that was pressed.
     std::uint32_t held_solutions = 0;
     double gap_m = 0.0;  ///< from the centre of the tip to the untouched surface; < 0: below it
+    // what the body lies on carries the surface here @see ElasticState
+    Vector3 carried_m = Vector3::Zero();
+    Vector3 carried_m_per_s = Vector3::Zero();
+    double carried_at_s = 0.0;
   };
   /// After a full solution. Makes the columns of few nodes that have none, nearest first: the
   /// points of the others come later.
@@ -67,6 +71,10 @@ class PatchMaker {
   void gather(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m);
   [[nodiscard]] bool is_ready(std::uint32_t point, int& most_columns);
   void require();
+  /// Where it would be if nothing had carried the surface.
+  [[nodiscard]] Vector3 place_m(std::uint32_t point, const elastic::VectorXd& x_m) const {
+    return body_.points[point].position_m(x_m.data()) - patch_.state.carried_m;
+  }
   void assign(std::uint32_t slot, std::uint32_t point);
   [[nodiscard]] Eigen::Matrix3d give(std::uint32_t at, std::uint32_t under) const;
   void describe(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m,

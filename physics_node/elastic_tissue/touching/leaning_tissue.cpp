@@ -21,4 +21,22 @@ void ElasticTissue::lean_or_swing(elastic::CondensedContact& contact,
   }
 }
 
+/// While a tool presses it is known from where the surface would have gone without.
+Carried ElasticTissue::carried_now(std::size_t tool, const elastic::CondensedContact& contact,
+                                   const Carried& before) const {
+  Carried now;
+  if (!body_->can_be_carried()) return now;
+  now.time_s = solved_s_;
+  now.motions = contact.carried();
+  const bool is_pressed =
+      !is_alone(tool) || !simulation_->touch(tool).force_on_tool_newton.isZero(0.0);
+  if (is_pressed) {
+    now.way_m = before.at_m(solved_s_);
+  } else {
+    const elastic::SurfacePoint& at = body_->points[contact.chosen().front()];
+    now.way_m = at.position_m(simulation_->x_m().data()) - at.position_m(body_->start_m.data());
+  }
+  return now;
+}
+
 }  // namespace palpate::physics

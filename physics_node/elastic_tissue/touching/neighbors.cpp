@@ -22,7 +22,8 @@ Neighbors neighbors_of(const SceneConfig& scene, const TissueConfig& tissue) {
   for (const auto& touches : std::get<ElasticMaterial>(tissue.material).touches) {
     const TissueConfig& other = scene.tissues.at(touches.tissue);
     if (std::holds_alternative<ElasticMaterial>(other.material)) {
-      neighbors.elastic.push_back(static_cast<std::uint32_t>(touches.tissue));
+      neighbors.elastic.push_back({.tissue = static_cast<std::uint32_t>(touches.tissue),
+                                   .friction_coefficient = touches.friction_coefficient});
       continue;
     }
     auto shape = std::make_shared<const Shape>(to_shape(other.geometry));
@@ -34,7 +35,8 @@ Neighbors neighbors_of(const SceneConfig& scene, const TissueConfig& tissue) {
     }
     neighbors.rigid.push_back({.name = other.name,
                                .surface = std::move(shape),
-                               .friction_coefficient = touches.friction_coefficient});
+                               .friction_coefficient = touches.friction_coefficient,
+                               .motion = other.motion});
   }
   return neighbors;
 }

@@ -11,10 +11,16 @@
 
 namespace palpate::physics {
 
+/// An elastic tissue that another one touches.
+struct ElasticNeighbor {
+  std::uint32_t tissue = 0;  ///< index in the scene
+  double friction_coefficient = 0.0;
+};
+
 /// Of an elastic body.
 struct Neighbors {
   std::vector<elastic::RigidNeighbor> rigid = {};  ///< that it cannot move
-  std::vector<std::uint32_t> elastic = {};         ///< elastic tissues, by index in the scene
+  std::vector<ElasticNeighbor> elastic = {};
 };
 
 /// In W. @throws SetupError  a file cannot be used, or its surface is open

@@ -27,11 +27,15 @@ constexpr double kMostReach_m = 8e-3;
 constexpr double kDeepest_m = 0.05;
 // The surfaces look at each other within about 80°.
 constexpr double kFacing = -0.17;
+// Of a node that was pressed: a triangle turned farther from its plane is another side.
+constexpr double kSameSide = 0.2;
 constexpr std::size_t kLeafTriangles = 4;
 // Triangles that are turned from each other by less than 45° are one smooth surface.
 constexpr double kSmooth = 0.7;
-// Another pass is made while a force changes by more than the penalty at this depth.
-constexpr double kClose_m = 2e-6;
+// Triangles that meet at an edge are as near to a point beside it, but for rounding.
+constexpr double kSame = 1e-9;
+constexpr double kSame_m2 = 1e-20;
+constexpr double kOnSurface_m = 1e-6;
 
 Vector3 at(const elastic::VectorXd& x_m, std::uint32_t node) {
   return x_m.segment<3>(3 * Eigen::Index{node});
@@ -110,6 +114,19 @@ class SmoothNormals {
   std::vector<Vector3> areas_;         // twice
 };
 
+struct Nearest {
+  std::optional<std::uint32_t> triangle{};
+  double squared_distance = 0.0;
+  Vector3 foot_m = Vector3::Zero();
+
+  void take(std::uint32_t other, const FacetFoot& foot) {
+    if (!(foot.squared_distance < squared_distance)) return;
+    triangle = other;
+    squared_distance = foot.squared_distance;
+    foot_m = foot.point_m;
+  }
+};
+
 /// Of a point of the triangle's plane.
 Vector3 weights_of(const std::array<Vector3, 3>& corners, const Vector3& point_m) {
   const Vector3 u = corners[1] - corners[0];
@@ -123,12 +140,6 @@ Vector3 weights_of(const std::array<Vector3, 3>& corners, const Vector3& point_m
   const double second = std::clamp((vv * w.dot(u) - uv * w.dot(v)) / scale, 0.0, 1.0);
   const double third = std::clamp((uu * w.dot(v) - uv * w.dot(u)) / scale, 0.0, 1.0 - second);
   return {1.0 - second - third, second, third};
-}
-
-/// In the session, one touches the other.
-bool names(const ElasticBody& one, const ElasticBody& other) {
-  const std::vector<std::uint32_t>& touches = one.touches;
-  return std::find(touches.begin(), touches.end(), other.tissue) != touches.end();
 }
 
 double young_pa(const ElasticBody& body) {
@@ -158,6 +169,13 @@ double BodyPair::Touch::gap_m(const elastic::VectorXd& of_node,
   return normal.dot(at(of_node, node) - triangle_point().position_m(of_triangle.data()));
 }
 
+Vector3 BodyPair::Touch::slid_m(const elastic::VectorXd& of_node,
+                                const elastic::VectorXd& of_triangle) const noexcept {
+  const Vector3 way_m =
+      at(of_node, node) - triangle_point().position_m(of_triangle.data()) - stuck_m;
+  return way_m - normal.dot(way_m) * normal;
+}
+
 void BodyPair::look(const ElasticSimulation& first, const ElasticSimulation& second,
                     double step_s) {
   const double margin_m = std::min(
@@ -171,13 +189,18 @@ void BodyPair::look(const ElasticSimulation& first, const ElasticSimulation& sec
   }
   // what pressed before goes on
   if (of_[0] == &first.body() && of_[1] == &second.body()) {
-    std::map<std::pair<bool, std::uint32_t>, double> before;
+    std::map<std::pair<bool, std::uint32_t>, const Touch*> before;
     for (const Touch& one : touches_) {
-      if (one.multiplier_newton > 0.0) before[{one.is_second, one.node}] = one.multiplier_newton;
+      if (one.multiplier_newton > 0.0) before[{one.is_second, one.node}] = &one;
     }
     for (Touch& one : touches) {
       const auto found = before.find({one.is_second, one.node});
-      if (found != before.end()) one.multiplier_newton = found->second;
+      if (found == before.end()) continue;
+      const Touch& then = *found->second;
+      one.multiplier_newton = then.multiplier_newton;
+      one.friction_newton = then.friction_newton;
+      // friction still holds it, along the surface that it meets now
+      one.stuck_m += then.friction_newton / then.stiffness_newton_per_m;
     }
   }
   of_ = {&first.body(), &second.body()};
@@ -207,32 +230,62 @@ void BodyPair::look(const ElasticSimulation& nodes, const ElasticSimulation& tri
   const std::vector<double> areas =
       elastic::areas_of_nodes_m2(nodes.body().body->mesh(), nodes.body().faces);
   const double softer_pa = std::min(young_pa(nodes.body()), young_pa(triangles.body()));
+  std::map<std::uint32_t, const Touch*> before;
+  for (const Touch& one : touches_) {
+    if (one.is_second == is_second && one.multiplier_newton > 0.0) before[one.node] = &one;
+  }
   for (const std::uint32_t node : nodes.body().surface_nodes) {
     const Vector3 point_m = at(nodes.x_m(), node);
     if (around_triangles.squared_distance(point_m) > 0.0) continue;
-    double nearest2 = margin_m * margin_m;
-    std::optional<std::uint32_t> nearest;
-    Vector3 foot_m = Vector3::Zero();
     const Vector3 outward = own_normals[node].stableNormalized();
-    tree.visit_nearest(point_m, nearest2, [&](std::uint32_t place) {
+    const auto pressed = before.find(node);
+    Nearest nearest;  // of all triangles,
+    Vector3 normals_there = Vector3::Zero();
+    Nearest facing;  // and of those that it looks at, or on the side on which it was pressed
+    const double within_m = pressed == before.end() ? margin_m : kMostReach_m;
+    facing.squared_distance = nearest.squared_distance = within_m * within_m;
+    tree.visit_nearest(point_m, facing.squared_distance, [&](std::uint32_t place) {
       const std::uint32_t triangle = tree.order()[place];
       const auto& [a, b, c] = all[triangle];
       const FacetFoot foot = foot_on_facet(at(x, a), at(x, b), at(x, c), point_m);
-      // a node at a rim may be as near to a side that it does not look at
-      if (foot.squared_distance < nearest2 &&
-          outward.dot(normals.of_triangle(triangle)) < kFacing) {
-        nearest2 = foot.squared_distance;
-        nearest = triangle;
-        foot_m = foot.point_m;
+      const Vector3 normal = normals.of_triangle(triangle);
+      const double same2 = kSame * nearest.squared_distance + kSame_m2;
+      if (foot.squared_distance < nearest.squared_distance - same2) normals_there.setZero();
+      if (foot.squared_distance < nearest.squared_distance + same2) normals_there += normal;
+      nearest.take(triangle, foot);
+      if (pressed == before.end() ? outward.dot(normal) < kFacing
+                                  : pressed->second->normal.dot(normal) > kSameSide) {
+        facing.take(triangle, foot);
       }
-      return nearest2;
+      return facing.squared_distance * (1.0 + 2.0 * kSame) + 2.0 * kSame_m2;
     });
-    if (!nearest) continue;
-    Touch touch{.is_second = is_second, .node = node, .triangle = all[*nearest]};
+    if (!nearest.triangle) continue;
+    const Vector3 away_m = point_m - nearest.foot_m;
+    const bool is_outside = away_m.dot(normals_there) > 0.0;
+    const auto normal_at = [&](const Nearest& one) {
+      const auto& [a, b, c] = all[*one.triangle];
+      return normals.at_point(*one.triangle,
+                              weights_of({at(x, a), at(x, b), at(x, c)}, one.foot_m));
+    };
+    Nearest met = facing;
+    Vector3 normal = met.triangle ? normal_at(met) : Vector3::Zero();
+    // beside an edge it is in front of no face: there the plane stands across the way to the edge
+    const auto is_beside = [&] {
+      const Vector3 way_m = point_m - met.foot_m;
+      return way_m.dot(normal) < kSmooth * way_m.norm() - kOnSurface_m;
+    };
+    if (is_outside && (!met.triangle || is_beside())) {
+      met = nearest;
+      normal = normal_at(met);
+      if (is_beside()) normal = away_m.stableNormalized();
+    }
+    if (!met.triangle || !normal.allFinite() || normal.isZero(0.0)) continue;
+    Touch touch{.is_second = is_second, .node = node, .triangle = all[*met.triangle]};
     const auto& [a, b, c] = touch.triangle;
+    const Vector3 foot_m = met.foot_m;
     touch.weights = weights_of({at(x, a), at(x, b), at(x, c)}, foot_m);
-    touch.normal = normals.at_point(*nearest, touch.weights);
-    if (!touch.normal.allFinite() || touch.normal.isZero(0.0)) continue;
+    touch.normal = normal;
+    touch.stuck_m = point_m - foot_m;
     touch.stiffness_newton_per_m =
         elastic::contact_stiffness_newton_per_m(softer_pa, areas[node], kModuli);
     touches.push_back(touch);
@@ -247,14 +300,18 @@ void BodyPair::add_planes(const ElasticSimulation& first, const ElasticSimulatio
     elastic::ContactPlane plane;
     plane.stiffness_newton_per_m = one.stiffness_newton_per_m;
     plane.multiplier_newton = one.multiplier_newton;
+    plane.limit_newton = friction_coefficient_ * one.multiplier_newton;
     if (one.is_second == is_second) {
       plane.point = one.node_point();
       plane.normal = one.normal;
-      plane.offset_m = one.normal.dot(one.triangle_point().position_m(of_triangle.data()));
+      const Vector3 foot_m = one.triangle_point().position_m(of_triangle.data());
+      plane.offset_m = one.normal.dot(foot_m);
+      plane.anchor_m = foot_m + one.stuck_m;
     } else {
       plane.point = one.triangle_point();
       plane.normal = -one.normal;
       plane.offset_m = -one.normal.dot(at(of_node, one.node));
+      plane.anchor_m = at(of_node, one.node) - one.stuck_m;
     }
     planes.push_back(plane);
   }
@@ -263,14 +320,20 @@ void BodyPair::add_planes(const ElasticSimulation& first, const ElasticSimulatio
 double BodyPair::update(const ElasticSimulation& first, const ElasticSimulation& second) {
   double farthest_m = 0.0;
   for (Touch& one : touches_) {
-    const double gap_m = one.gap_m(one.is_second ? second.x_m() : first.x_m(),
-                                   one.is_second ? first.x_m() : second.x_m());
+    const elastic::VectorXd& of_node = one.is_second ? second.x_m() : first.x_m();
+    const elastic::VectorXd& of_triangle = one.is_second ? first.x_m() : second.x_m();
+    const double gap_m = one.gap_m(of_node, of_triangle);
     const double k = one.stiffness_newton_per_m;
     const double newton = std::max(0.0, one.multiplier_newton - k * gap_m);
     if (newton > 0.0 || one.multiplier_newton > 0.0) {
       farthest_m = std::max(farthest_m, std::abs(newton - one.multiplier_newton) / k);
     }
     one.multiplier_newton = std::min(newton, k * kDeepest_m);
+    if (!(friction_coefficient_ > 0.0)) continue;
+    const Vector3 friction = limited_to_norm(Vector3(-k * one.slid_m(of_node, of_triangle)),
+                                             friction_coefficient_ * one.multiplier_newton);
+    farthest_m = std::max(farthest_m, (friction - one.friction_newton).norm() / k);
+    one.friction_newton = friction;
   }
   return farthest_m;
 }
@@ -278,7 +341,8 @@ double BodyPair::update(const ElasticSimulation& first, const ElasticSimulation&
 Vector3 BodyPair::force_on_first_newton() const noexcept {
   Vector3 force = Vector3::Zero();
   for (const Touch& one : touches_) {
-    force += (one.is_second ? -one.multiplier_newton : one.multiplier_newton) * one.normal;
+    const Vector3 on_node = one.multiplier_newton * one.normal + one.friction_newton;
+    force += one.is_second ? -on_node : on_node;
   }
   return force;
 }
@@ -290,104 +354,6 @@ double BodyPair::deepest_m(const ElasticSimulation& first, const ElasticSimulati
                                                one.is_second ? first.x_m() : second.x_m()));
   }
   return deepest_m;
-}
-
-std::vector<std::vector<std::size_t>> Island::of(std::span<const ElasticBody* const> bodies) {
-  std::vector<std::size_t> island_of(bodies.size());
-  std::iota(island_of.begin(), island_of.end(), std::size_t{0});
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    for (std::size_t j = 0; j < bodies.size(); ++j) {
-      if (!names(*bodies[i], *bodies[j])) continue;
-      const std::size_t from = std::max(island_of[i], island_of[j]);
-      const std::size_t to = std::min(island_of[i], island_of[j]);
-      std::replace(island_of.begin(), island_of.end(), from, to);
-    }
-  }
-  std::vector<std::vector<std::size_t>> islands;
-  for (std::size_t first = 0; first < bodies.size(); ++first) {
-    if (island_of[first] != first) continue;
-    islands.emplace_back();
-    for (std::size_t i = first; i < bodies.size(); ++i) {
-      if (island_of[i] == first) islands.back().push_back(i);
-    }
-  }
-  return islands;
-}
-
-Island::Island(std::span<const ElasticBody* const> bodies) {
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    for (std::size_t j = i + 1; j < bodies.size(); ++j) {
-      if (names(*bodies[i], *bodies[j]) || names(*bodies[j], *bodies[i])) {
-        pairs_.emplace_back(i, j);
-      }
-    }
-  }
-}
-
-std::vector<elastic::Support> Island::supports_of(
-    std::size_t body, std::span<elastic::SurfaceCompliance* const> compliances) const {
-  std::vector<elastic::Support> supports;
-  for (const BodyPair& pair : pairs_) {
-    const auto [first, second] = pair.members();
-    if (first != body && second != body) continue;
-    elastic::SurfaceCompliance* const other = compliances[first == body ? second : first];
-    for (const BodyPair::Touch& one : pair.touches()) {
-      if (!(one.multiplier_newton > 0.0)) continue;
-      const bool is_own_node = one.is_second == (second == body);
-      supports.push_back({.point = is_own_node ? one.node_point() : one.triangle_point(),
-                          .direction = one.normal,
-                          .other = other,
-                          .other_point = is_own_node ? one.triangle_point() : one.node_point()});
-    }
-  }
-  return supports;
-}
-
-std::vector<char> Island::step(std::span<ElasticSimulation* const> bodies,
-                               std::span<const std::span<const std::optional<TipState>>> tips,
-                               std::optional<double> step_s) {
-  std::vector<char> has_stepped(bodies.size(), 0);
-  for (BodyPair& pair : pairs_) {
-    ElasticSimulation& first = *bodies[pair.members()[0]];
-    ElasticSimulation& second = *bodies[pair.members()[1]];
-    if (first.is_asleep() && second.is_asleep()) continue;
-    pair.look(first, second, step_s.value_or(first.step_s()));
-  }
-  const auto give_planes = [&](std::size_t i) {
-    std::vector<elastic::ContactPlane> planes;
-    bool is_moving = false;  // something that it touches
-    for (const BodyPair& pair : pairs_) {
-      const auto [first, second] = pair.members();
-      if ((first != i && second != i) || !pair.is_near()) continue;
-      pair.add_planes(*bodies[first], *bodies[second], second == i, planes);
-      is_moving = is_moving || !bodies[first == i ? second : first]->is_asleep();
-    }
-    bodies[i]->set_neighbors(std::move(planes), is_moving);
-  };
-  // one that wakes up in this step wakes the others in the next
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    give_planes(i);
-    has_stepped[i] = bodies[i]->step(tips[i], step_s) ? 1 : 0;
-  }
-  const auto update = [&] {
-    double farthest_m = 0.0;
-    for (BodyPair& pair : pairs_) {
-      const auto [first, second] = pair.members();
-      if (has_stepped[first] == 0 && has_stepped[second] == 0) continue;
-      farthest_m = std::max(farthest_m, pair.update(*bodies[first], *bodies[second]));
-    }
-    return farthest_m;
-  };
-  double farthest_m = update();
-  for (int pass = 1; pass < kMostPasses && farthest_m > kClose_m; ++pass) {
-    for (std::size_t i = 0; i < bodies.size(); ++i) {
-      if (has_stepped[i] == 0) continue;
-      give_planes(i);
-      bodies[i]->step_again();
-    }
-    farthest_m = update();
-  }
-  return has_stepped;
 }
 
 }  // namespace palpate::physics

@@ -16,11 +16,16 @@
 namespace palpate::physics {
 
 /// The contact of two bodies: nodes of the surface of each in front of the triangles of the other.
-/// Each of them is one force λ along the smooth normal of the triangle, on the node and, the other
-/// way round, on its corners. Frictionless.
+/// A node that is outside meets the nearest triangle, with its smooth normal, or beside an edge a
+/// plane across the way to it. One that is inside comes out where its own surface looks, or where
+/// it was pressed before. Each of them is one force λ along the smooth normal of the triangle, on
+/// the node and, the other way round, on its corners; with friction (Coulomb) another one along the
+/// triangle: a spring of the stiffness of the penalty from the place where the node is stuck, which
+/// slips at µ λ.
 class BodyPair {
  public:
-  BodyPair(std::size_t first, std::size_t second) : members_{first, second} {}
+  BodyPair(std::size_t first, std::size_t second, double friction_coefficient)
+      : members_{first, second}, friction_coefficient_(friction_coefficient) {}
 
   [[nodiscard]] const std::array<std::size_t, 2>& members() const noexcept { return members_; }
   /// Before a step: which nodes may touch in it. Bodies that are apart cost their bounds.
@@ -45,12 +50,23 @@ class BodyPair {
     Vector3 normal = Vector3::UnitZ();  ///< out of the triangle
     double stiffness_newton_per_m = 0.0;
     double multiplier_newton = 0.0;
+    /// From the triangle's point to the node where friction would not act; only along the triangle.
+    Vector3 stuck_m = Vector3::Zero();
+    Vector3 friction_newton = Vector3::Zero();  ///< on the node
 
     [[nodiscard]] elastic::SurfacePoint node_point() const noexcept;
     [[nodiscard]] elastic::SurfacePoint triangle_point() const noexcept;
     [[nodiscard]] double gap_m(const elastic::VectorXd& of_node,
                                const elastic::VectorXd& of_triangle) const noexcept;
+    /// Along the triangle, from where it is stuck.
+    [[nodiscard]] Vector3 slid_m(const elastic::VectorXd& of_node,
+                                 const elastic::VectorXd& of_triangle) const noexcept;
   };
+  /// Friction holds it: it does not slip.
+  [[nodiscard]] bool is_stuck(const Touch& one) const noexcept {
+    constexpr double kSlips = 0.999;
+    return one.friction_newton.norm() < kSlips * friction_coefficient_ * one.multiplier_newton;
+  }
   [[nodiscard]] const std::vector<Touch>& touches() const noexcept { return touches_; }
 
  private:
@@ -58,6 +74,7 @@ class BodyPair {
             double margin_m, std::vector<Touch>& touches) const;
 
   std::array<std::size_t, 2> members_;
+  double friction_coefficient_;
   std::vector<Touch> touches_;
   std::array<const ElasticBody*, 2> of_{};  // of touches_
 };

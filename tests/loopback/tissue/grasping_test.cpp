@@ -181,6 +181,44 @@ TEST(Touching, BonesBehindAnOrganMakeItStiffer) {
   EXPECT_LT(against.error_ratio, 0.1);
 }
 
+TEST(Touching, BonesThatBreatheLiftTheOrgan) {
+  const std::vector<std::string> motion{"motion.frequency_hz=0.5", "motion.amplitude_m.z=0.004",
+                                        "motion.phase_rad=-1.57"};
+  std::vector<std::string> overrides;
+  for (const char* const tissue : {"scene.tissue[1].", "scene.tissue[2]."}) {
+    for (const std::string& field : motion) overrides.push_back(tissue + field);
+  }
+  const Press breathing = pressed("tools/against_rib", overrides);
+  const Press still = pressed("tools/against_rib", {});
+  std::printf("bones that breathe: error %.3f, %.2f N; still %.3f, %.2f N\n", breathing.error_ratio,
+              breathing.largest_newton, still.error_ratio, still.largest_newton);
+  EXPECT_GT(breathing.largest_newton, 1.2 * still.largest_newton);
+  EXPECT_LT(breathing.error_ratio, still.error_ratio + 0.03);
+}
+
+// Bones push faster than the hand, and what they push with comes late.
+TEST(Touching, BonesThatBreatheGiveTheHandNoEnergy) {
+  std::vector<std::string> overrides{"faults.tool_motion.delay_ms=50",
+                                     "faults.interaction.delay_ms=50"};
+  for (const char* const tissue : {"scene.tissue[1].", "scene.tissue[2]."}) {
+    overrides.push_back(std::string(tissue) + "motion.frequency_hz=1.3");
+    overrides.push_back(std::string(tissue) + "motion.amplitude_m.z=0.004");
+  }
+  const auto least_joule = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> all = overrides;
+    all.insert(all.end(), more.begin(), more.end());
+    const Recording way = run(shipped("tools/against_rib", all), 4s, false);
+    EXPECT_EQ(way.mofc.interaction.rejected, 0U);
+    return way.last().device.minimum_true_energy_joule;
+  };
+  const double unlimited = least_joule({"mofc.controller=none", "device.monitor=off"});
+  const double clamped = least_joule({});
+  std::printf("bones that breathe, 100 ms: least true energy %.3g J, %.3g J without the clamp\n",
+              clamped, unlimited);
+  EXPECT_GE(clamped, -1e-6);
+  EXPECT_LT(unlimited, -1e-4);
+}
+
 TEST(Touching, AnOrganBelowCarriesTheOneAbove) {
   const Press above = pressed("tools/two_organs", {});
   const Press free = pressed("tools/two_organs",

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <limits>
 #include <string>
 
 #include "tests/unit/link/codec_test_support.h"
@@ -85,6 +86,20 @@ TEST(ElasticCodec, RefusesTornLists) {
                DecodeError::kOutOfRange);
   expect_state([](v1::ElasticState& s) { s.mutable_places()->push_back('x'); },
                DecodeError::kOutOfRange);
+}
+
+TEST(ElasticCodec, RefusesASurfaceThatIsCarriedBeyondTheLimits) {
+  const auto carried = [](double way_m, double m_per_s, double at_s) {
+    return [=](v1::ElasticState& s) {
+      s.mutable_carried_m()->set_x(way_m);
+      s.mutable_carried_m_per_s()->set_z(m_per_s);
+      s.set_carried_at_s(at_s);
+    };
+  };
+  expect_state(carried(-1000.0, 10.0, -1.0), DecodeError::kNone);
+  expect_state(carried(1000.1, 0.0, 0.0), DecodeError::kOutOfRange);
+  expect_state(carried(0.0, -10.1, 0.0), DecodeError::kOutOfRange);
+  expect_state(carried(0.0, 0.0, std::numeric_limits<double>::infinity()), DecodeError::kNotFinite);
 }
 
 TEST(ElasticCodec, RefusesPlacesOfRestThatAreNotOnePerPlaceOfAViscousBody) {

@@ -114,7 +114,7 @@ class HalfSpacePatch : public testing::Test {
     for (const ElasticPoint& point : points_) send(point);
   }
   const ElasticPatches::Result& step_to(const Vector3& tip_m) {
-    patches_.step(interaction_, tip_m, kTick_s, LocalTissues::kMostWork);
+    patches_.step(interaction_, tip_m, kTick_s, scene_s_, LocalTissues::kMostWork);
     return patches_.results()[0];
   }
   /// Straight down, at 100 mm/s.
@@ -130,6 +130,7 @@ class HalfSpacePatch : public testing::Test {
   std::vector<ElasticPoint> points_;
   ElasticState state_;
   Interaction interaction_;
+  double scene_s_ = 0.0;
   ElasticPatches patches_{kNewtonPerS};
   std::uint64_t number_ = 0;
 };
@@ -146,6 +147,31 @@ TEST_F(HalfSpacePatch, PressesAsHertzSays) {
     EXPECT_NEAR(result.force.stored_energy_joule, 0.4 * force.z() * depth_m,
                 0.1 * 0.4 * force.z() * depth_m);
   }
+}
+
+// Between two solutions the surface comes up to a tip that stands still.
+TEST_F(HalfSpacePatch, PressesATipToWhichItIsCarried) {
+  state_.carried_m = {0.0, 0.0, 0.3e-3};
+  state_.carried_m_per_s = {0.0, 0.0, 0.01};
+  state_.carried_at_s = scene_s_ = 5.0;
+  send_all();
+  // 0.1 mm above where the surface was in the session, 0.2 mm deep in the solution
+  const Vector3 tip_m(0.0, 0.0, kRadius_m + 1e-4);
+  for (double z_m = 2e-3; z_m > 0.0; z_m -= 1e-4) step_to(tip_m + Vector3(0, 0, z_m));
+  double newton = 0.0;
+  for (int i = 0; i < 80; ++i) {
+    scene_s_ = 5.0 + kTick_s * i;
+    const auto& result = step_to(tip_m);
+    EXPECT_TRUE(result.is_valid);
+    newton = result.force.force_on_tool_newton.z();
+  }
+  const double depth_m = 0.2e-3 + 0.01 * (scene_s_ - 5.0);
+  EXPECT_NEAR(newton, hertz_newton(depth_m), 0.08 * hertz_newton(depth_m));
+  // from then on it is not known where it went
+  scene_s_ = 100.0;
+  const double longest_m = 0.2e-3 + 0.01 * kLongestCarriedS;
+  for (int i = 0; i < 20; ++i) newton = step_to(tip_m).force.force_on_tool_newton.z();
+  EXPECT_NEAR(newton, hertz_newton(longest_m), 0.15 * hertz_newton(longest_m));
 }
 
 // [LeeRadok60]: while the contact grows, the force on a Kelvin–Voigt half-space is that of a spring
@@ -389,7 +415,7 @@ TEST(ElasticPatches, DoNoMoreThanTheirBudget) {
       patches.take(physics.last, kStore, 0.0);
       const double angle = 0.15 * i;
       patches.step(physics.last, 2e-3 * Vector3(std::cos(angle), std::sin(angle), 0.0), kTick_s,
-                   most_work);
+                   0.0, most_work);
       most = std::max(most, patches.work());
     }
     EXPECT_LE(most, most_work + 14000);
@@ -428,7 +454,7 @@ TEST(ElasticPatches, AreFiniteAndBoundedWhateverArrives) {
       const test::AllocGuard guard;
       patches.take(interaction, 1, 0.0);
       tip_m += random_vector(random, 1e-3);
-      patches.step(interaction, tip_m, kTick_s, LocalTissues::kMostWork);
+      patches.step(interaction, tip_m, kTick_s, 0.0, LocalTissues::kMostWork);
       for (const ElasticPatches::Result& result : patches.results()) {
         EXPECT_TRUE(result.force.force_on_tool_newton.allFinite());
         // the points' and the rest of the state's; friction adds its share

@@ -101,51 +101,6 @@ TEST(ElasticRules, SpringsMayHoldItInsteadOfFixedPlaces) {
               is_at("elastic.attached[0].toughness_joule_per_m2 = 0", "must be 0.01"));
 }
 
-TEST(ElasticRules, TouchesOtherTissuesThatAreClosedAndStandStill) {
-  const auto touching = [](const std::string& touches, const std::string& bone) {
-    return complaints(
-        "name: \"x\" scene { tool { tip_radius_m: 0.001 } tissue { name: 'a' " +
-            std::string(kMesh) + " elastic { " + kHeld + " " + touches +
-            " } } tissue { name: 'bone' kelvin_voigt { stiffness_newton_per_m: 1e3 } " + bone +
-            " } }",
-        {}, "/tmp");
-  };
-  for (const char* bone :
-       {"half_space {}", "sphere { radius_m: 1 }", "box { size_m { x: 1 y: 1 z: 1 } }",
-        "capsule { to_m { x: 1 } radius_m: 0.1 }", "triangle_surface { file: 'b.stl' }",
-        "half_space {} motion { frequency_hz: 1 }"}) {
-    EXPECT_THAT(touching("touches { tissue: 'bone' friction_coefficient: 10 }", bone), IsEmpty())
-        << bone;
-  }
-  const std::string bone = "half_space {}";
-  EXPECT_THAT(touching("touches {}", bone), is_at("elastic.touches[0].tissue", "required"));
-  EXPECT_THAT(touching("touches { tissue: 'bon' }", bone),
-              is_at("elastic.touches[0].tissue", "did you mean \"bone\"? no tissue"));
-  EXPECT_THAT(touching("touches { tissue: 'a' }", bone),
-              is_at("elastic.touches[0].tissue", "is this tissue itself"));
-  EXPECT_THAT(touching("touches { tissue: 'bone' } touches { tissue: 'bone' }", bone),
-              is_at("elastic.touches[1].tissue", "is named twice"));
-  EXPECT_THAT(touching("touches { tissue: 'bone' friction_coefficient: 10.1 }", bone),
-              is_at("elastic.touches[0].friction_coefficient", "must be 0 … 10"));
-  const auto other = [](const std::string& touches, const std::string& rate_hz) {
-    const std::string mesh = std::string(kMesh) + " elastic { " + kHeld + " ";
-    return complaints("name: \"x\" scene { tool { tip_radius_m: 0.001 } tissue { name: 'a' " +
-                          mesh + touches + " } } tissue { name: 'b' " + mesh +
-                          " solve_rate_hz: " + rate_hz + " } } }",
-                      {}, "/tmp");
-  };
-  EXPECT_THAT(other("touches { tissue: 'b' }", "50"), IsEmpty());
-  EXPECT_THAT(other("touches { tissue: 'b' }", "25"),
-              is_at("elastic.touches[0].tissue", "is solved at 25 Hz, this one at 50 Hz"));
-  EXPECT_THAT(other("touches { tissue: 'b' friction_coefficient: 0.1 }", "50"),
-              is_at("elastic.touches[0].friction_coefficient", "without friction; leave it out"));
-  EXPECT_THAT(touching("touches { tissue: 'bone' }", "point_cloud { file: 'b.ply' }"),
-              is_at("elastic.touches[0].tissue", "is a point_cloud, which has no inside"));
-  EXPECT_THAT(touching("touches { tissue: 'bone' }",
-                       bone + " motion { frequency_hz: 1 amplitude_m { z: 0.01 } }"),
-              is_at("elastic.touches[0].tissue", "moves; only what stands still"));
-}
-
 TEST(ElasticRules, NamesWhatIsMissing) {
   EXPECT_THAT(elastic_complaints("fixed { half_space {} }"), is_at("elastic.young_pa", "required"));
   EXPECT_THAT(elastic_complaints("young_pa: 1e4"), is_at("elastic.fixed", "the body would fall"));
