@@ -53,7 +53,7 @@ void ElasticReference::change_body(One& one) const {
       std::make_unique<ElasticSimulation>(*next->body(), *one.simulation, next->change, false);
   one.side.change_to(next->body()->shape);
   one.held.change_body(*one.simulation, 0, next->shared->compliance(),
-                       gripper_ ? &*gripper_ : nullptr, one.jaw.slip_since_m());
+                       gripper_ ? &*gripper_ : nullptr);
   one.compliance = next->shared;
   one.body = next->body();
 }

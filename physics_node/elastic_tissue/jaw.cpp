@@ -86,6 +86,7 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
                   const JawCommand& command, const std::optional<TipState>& tip) {
   const bool is_this = command.is_closed && command.number == model_.number && tip.has_value();
   if (model_.is_holding() && !is_this) let_go(simulation, tool);
+  if (model_.is_holding() && gripper.is_blade()) follow_slip(simulation, tool, *tip);
   if (model_.is_holding() && !across_m_.isZero(0.0)) {
     const Vector3 by_m = across_m_ * simulation.step_s() / (simulation.step_s() + kAcross_s);
     simulation.shift(tool, by_m);
@@ -97,60 +98,13 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   if (!tip) return;
   model_.place_m = tip->tip_m - tip->slip_m;
   if (gripper.is_blade()) {
-    const Vector3 facing = command.inward();
-    blade_ = {.from_m = tip->place_m + simulation.tip_radius_m() * facing,
-              .facing = facing,
-              .along = command.edge(),
-              .length_m = gripper.blade_length_m};
-    const Vector3 way_m = tip->tip_m - tip->place_m;
-    deepest_m_ = command.deepest_m;
-    model_.points = static_cast<std::uint32_t>(
-        hold_beside(simulation, tool, gripper, tip->tip_m - tip->slip_m, tip->slip_m,
-                    tip->place_m + way_m - way_m.dot(facing) * facing));
+    begin_blade(simulation, tool, gripper, command, *tip);
   } else {
     hold_around(simulation, tool, gripper, command, *tip);
   }
   changes_ += model_.points > 0 ? 1U : 0U;
   closed_joule_ = simulation.stored_joule();
   lost_joule_ = expected_joule_ = 0.0;
-}
-
-/// The points beside the edge of a blade that has slipped so far.
-std::size_t Jaw::hold_beside(ElasticSimulation& simulation, std::size_t tool,
-                             const GripperConfig& gripper, const Vector3& at_m,
-                             const Vector3& slip_m, const Vector3& origin_m) const {
-  const Vector3 from_m = blade_.from_m + slip_m;
-  return simulation.hold_beside(tool, at_m, {from_m, from_m + blade_.length_m * blade_.along},
-                                gripper.reach_m, gripper.most_points,
-                                gripper.stiffness_newton_per_m, origin_m);
-}
-
-/// What it held comes to rest, and what is beside the edge now is pushed with the same energy: an
-/// edge that goes on takes its strain with it. Across its direction the blade is as far in the
-/// tissue as it was.
-void Jaw::move_beside(ElasticSimulation& simulation, std::size_t tool,
-                      elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
-                      const Vector3& slip_m) {
-  const Vector3 at_m = simulation.held()[tool].place_m();
-  const Vector3 way_m = at_m - simulation.origin_m(tool);
-  if (hold_beside(simulation, tool, gripper, at_m, slip_m, at_m) == 0) return;
-  const Matrix3 K = elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool)[tool];
-  const Vector3& newton = last_.force_on_tool_newton;
-  const double twice_joule = stiffness_with_.empty()
-                                 ? way_m.dot(K * way_m)
-                                 : newton.dot(stiffness_with_[tool].llt().solve(newton));
-  // wᵀ K w is that, with w = q + t f and q the way in the plane at right angles to f
-  const Vector3& f = blade_.facing;
-  const Vector3 q = way_m - way_m.dot(f) * f;
-  const double stiff = f.dot(K * f);
-  const double softest = -f.dot(K * q) / stiff;
-  const Vector3 least_m = q + softest * f;
-  const double least_joule = least_m.dot(K * least_m);
-  const double more_m = std::sqrt(std::max(0.0, twice_joule - least_joule) / stiff);
-  const Vector3 now_m = least_m - std::copysign(more_m, newton.dot(f)) * f;
-  if (!now_m.allFinite()) return;
-  simulation.shift(
-      tool, (least_joule > twice_joule ? std::sqrt(twice_joule / least_joule) : 1.0) * now_m);
 }
 
 /// The points around the tip.
@@ -170,12 +124,11 @@ void Jaw::hold_around(ElasticSimulation& simulation, std::size_t tool, const Gri
 }
 
 void Jaw::change_body(ElasticSimulation& simulation, std::size_t tool,
-                      elastic::SurfaceCompliance& compliance, const GripperConfig* gripper,
-                      const Vector3& slip_m) {
+                      elastic::SurfaceCompliance& compliance, const GripperConfig* gripper) {
   if (!model_.is_holding()) return;
   if (gripper != nullptr && gripper->is_blade()) {
     try {
-      move_beside(simulation, tool, compliance, *gripper, slip_m);
+      move_beside(simulation, tool, compliance, *gripper);
     } catch (const std::runtime_error&) {  // without a compliance nothing can be held
       return let_go(simulation, tool);
     }
@@ -230,8 +183,11 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
   if (std::exchange(is_body_new_, false)) {
     closed_joule_ = now.stored_joule - model_.stored_energy_joule;
   }
+  if (blade_.length_m > 0.0) keep_books(now, step_s, is_alone);
   const bool is_still = now.velocity_m_per_s.norm() <= kStill_m_per_s;
-  bool is_explained = !is_alone || is_still;
+  // a next body that comes to rest changes the force, too
+  const bool is_changing = blade_.length_m > 0.0 && is_coming_to_rest();
+  bool is_explained = !is_alone || is_still || is_changing;
   if (known_ == changes) measured_ = measure(simulation, now, step_s);
   model_.others.clear();
   if (known_ != changes) {
@@ -245,12 +201,13 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
     known_ = changes;
     model_.relaxation_s = beta_s;
     is_explained = true;
-  } else if (is_alone && !is_still) {
+  } else if (is_alone && !is_still && !is_changing) {
     watch_losses(now, beta_s, step_s);
     const Vector3 way_m = now.way_m(explained_, model_.relaxation_s);
     if (way_m.norm() > elastic::kShortestWay_m) {
-      K = elastic::updated_stiffness(K, way_m,
-                                     explained_.force_on_tool_newton - now.force_on_tool_newton);
+      const Matrix3 updated = elastic::updated_stiffness(
+          K, way_m, explained_.force_on_tool_newton - now.force_on_tool_newton);
+      if (!(blade_.length_m > 0.0) || is_like_at_rest(updated, stiffness_with_[tool])) K = updated;
       is_explained = true;
     }
   }

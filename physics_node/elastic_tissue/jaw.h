@@ -121,14 +121,19 @@ class Jaw {
   /// blade takes the points that are beside its edge now, and pushes them as it has pushed those
   /// before.
   /// @param compliance  of the new body
-  /// @param gripper  null: it holds nothing any more   @param slip_m  since the closing
+  /// @param gripper  null: it holds nothing any more
   void change_body(ElasticSimulation& simulation, std::size_t tool,
-                   elastic::SurfaceCompliance& compliance, const GripperConfig* gripper,
-                   const Vector3& slip_m);
+                   elastic::SurfaceCompliance& compliance, const GripperConfig* gripper);
   /// Of a blade that is in: where it went in, and how far it goes in a cut of before.
   [[nodiscard]] const BladePlace& blade() const noexcept { return blade_; }
   [[nodiscard]] double deepest_m() const noexcept { return deepest_m_; }
-  void set_edge(const EdgeInTissue& edge) noexcept { model_.edge = edge; }
+  void set_edge(const EdgeInTissue& edge) noexcept;
+  /// Of its slip, what has cut: the rest is slip that the solutions do not explain. @see
+  /// follow_slip
+  /// @param slip_m  as the steps of the tool say, since the closing
+  [[nodiscard]] Vector3 slip_in_tissue_m(const Vector3& slip_m) const noexcept {
+    return slip_m - behind_m_ * blade_.facing;
+  }
   /// After it, and after all tools have been prepared. Makes the stiffness, where the grips of the
   /// body are others than before.
   /// @param step_s    of the step
@@ -170,8 +175,15 @@ class Jaw {
                                         const GripperConfig& gripper, const Vector3& at_m,
                                         const Vector3& slip_m, const Vector3& origin_m) const;
   void move_beside(ElasticSimulation& simulation, std::size_t tool,
-                   elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
-                   const Vector3& slip_m);
+                   elastic::SurfaceCompliance& compliance, const GripperConfig& gripper);
+  void begin_blade(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+                   const JawCommand& command, const TipState& tip);
+  void follow_slip(ElasticSimulation& simulation, std::size_t tool, const TipState& tip);
+  [[nodiscard]] double regain(double step_s);
+  [[nodiscard]] double explained_m(const ElasticSimulation& simulation, std::size_t tool,
+                                   const Vector3& at_m) const noexcept;
+  void keep_books(const Seen& now, double step_s, bool is_alone) noexcept;
+  [[nodiscard]] double twice_joule(const Vector3& way_m, std::size_t tool) const;
   void hold_around(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
                    const JawCommand& command, const TipState& tip);
   [[nodiscard]] Measured measure(const ElasticSimulation& simulation, const Seen& now,
@@ -181,6 +193,33 @@ class Jaw {
   GripModel model_;
   BladePlace blade_;
   double deepest_m_ = 0.0;
+  /// Of a blade since it went in, as the solutions have it.
+  struct BladeBooks {
+    double home_m = 0.0;               // of the surface where it went in, along its direction
+    Vector3 slip_m = Vector3::Zero();  // as the steps of the tool say
+    double deepest_m = 0.0;            // that it has cut, by slip_in_tissue_m()
+    Vector3 tip_m = Vector3::Zero();
+    Vector3 tip_before_m = Vector3::Zero();  // in the solution before
+    double rest_joule = 0.0;                 // in the body, without the blade
+    double lost_joule = 0.0;      // work − stored − cut: where it is < 0, it has cut unpaid
+    double short_m = 0.0;         // that since a next body it pushes less far than it is
+    double released_joule = 0.0;  // by next bodies, that it has not pushed with again
+    // in this step: by the cut, by spreading and friction, and by what it has pushed with again
+    double cut_joule = 0.0;
+    double rubbed_joule = 0.0;
+    double pushed_joule = 0.0;
+    double released_s = 0.0;   // that a next body still has to come to rest
+    std::size_t elements = 0;  // of the body
+    bool is_known = false;     // what was stored in the solution before
+    bool is_alone = true;
+  };
+  /// The first solutions of a next body: they change the force more than the blade does.
+  [[nodiscard]] bool is_coming_to_rest() const noexcept {
+    return books_.released_s > 0.6 * kReleased_s;
+  }
+  static constexpr double kReleased_s = 0.2;
+  BladeBooks books_;
+  double behind_m_ = 0.0;                // of its slip, what has not cut
   std::vector<Matrix3> stiffness_with_;  // of each tool of the body, at rest
   std::optional<Measured> measured_;
   Vector3 across_m_ = Vector3::Zero();  // that a needle still slides to where it would be at rest
@@ -194,6 +233,10 @@ class Jaw {
   std::uint64_t changes_ = 0;
   std::optional<std::uint64_t> known_;  // changes of the body for which the stiffness was made
 };
+
+/// Within a factor in every direction: changes from solution to solution may have other causes.
+[[nodiscard]] bool is_like_at_rest(const Matrix3& stiffness_newton_per_m,
+                                   const Matrix3& at_rest_newton_per_m);
 
 /// The grip without its place: for the slip, and for hop 3.
 [[nodiscard]] Grip grip_of(const GripperConfig& gripper, std::uint32_t number,

@@ -50,7 +50,7 @@ void ElasticTissue::change_body(double step_s) {
       makers_[i].emplace(*next->body(), next->shared->compliance(), PatchMaker(*makers_[i]));
     if (gripper_) {
       tool.held.change_body(*simulation_, i, next->shared->compliance(),
-                            is_whole ? nullptr : &*gripper_, tool.jaw_command.load().slip_m());
+                            is_whole ? nullptr : &*gripper_);
     }
     tool.body.draft() = next->body();
   }

@@ -19,7 +19,8 @@ struct BladePlace {
 /// Of an edge that lies in a body.
 struct EdgeInTissue {
   double length_m = 0.0;
-  double newton = 0.0;  ///< Σ toughness × length: what a way across it takes
+  double newton = 0.0;     ///< Σ toughness × length: what a way across it takes
+  double cut_joule = 0.0;  ///< that its last way took
 };
 
 }  // namespace palpate::physics

@@ -165,11 +165,14 @@ void sweep_with(const Jaw& held, const Vector3& slip_m, const GripperConfig& bla
   if (sweep.number() != model.number) {
     sweep.begin(model.number, held.blade(), whole, ablation.opposite_sides(), held.deepest_m());
   }
-  const BladeSweep::Step step = sweep.advance(slip_m, whole, ablation.present(), *whole.pierced);
+  const Vector3 in_tissue_m = held.slip_in_tissue_m(slip_m);
+  const BladeSweep::Step step =
+      sweep.advance(in_tissue_m, whole, ablation.present(), *whole.pierced);
   ablation.cut(tool, step.sweep, blade.reach_m);
   edge = step.ahead;
+  edge.cut_joule = step.sweep.joule;
   // at the surface, where it has come in, less of the edge may be in than the tip has pressed in
-  if (slip_m.dot(held.blade().facing) < blade.needle_width_m) {
+  if (in_tissue_m.dot(held.blade().facing) < blade.needle_width_m) {
     edge.length_m = std::max(edge.length_m, blade.needle_width_m);
     edge.newton =
         std::max(edge.newton, blade.needle_width_m * whole.pierced->toughness_at(sweep.from_m()));

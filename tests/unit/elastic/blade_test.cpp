@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <ostream>
 #include <random>
 #include <set>
 #include <utility>
@@ -205,8 +206,14 @@ class BladeHand {
     tip_m_ += way_m;
     time_s_ += kBladeTick_s;
     SceneForce force;
+    std::optional<GripReport> report;
+    if (reported_slip_m_ && is_in()) {
+      report = {.number = contact_->grip.number, .slip_m = *reported_slip_m_};
+    }
     elastic_->step(0, tip_m_, time_s_, kBladeReach_m, force,
-                   {.velocity_m_per_s = way_m / kBladeTick_s, .inward_world = Vector3::UnitX()});
+                   {.velocity_m_per_s = way_m / kBladeTick_s,
+                    .report = report,
+                    .inward_world = Vector3::UnitX()});
     const Vector3 before = newton_;
     const double depth_m = this->depth_m();
     newton_ = force.force_on_tool_newton;
@@ -220,11 +227,16 @@ class BladeHand {
     swept_m2_ += further_m * (kCutDepth_m - contact_->grip.slip_m.z());
     deepest_m_ += further_m;
   }
+  /// From now on mofc_node says how far it has slipped.
+  void report_slip(const Vector3& slip_m) { reported_slip_m_ = slip_m; }
+  [[nodiscard]] Vector3 slip_m() const {
+    return is_in() ? Vector3(contact_->grip.slip_m) : Vector3(Vector3::Zero());
+  }
+  [[nodiscard]] double cut_joule() { return tissue().ablation().figures().cut_joule; }
   /// At 20 mm/s.
-  void go_to(const Vector3& to_m) {
+  void go_to(const Vector3& to_m, double m_per_s = kCutSpeed_m_per_s) {
     const double length_m = (to_m - tip_m_).norm();
-    const int ticks =
-        std::max(1, static_cast<int>(std::ceil(length_m / (kCutSpeed_m_per_s * kBladeTick_s))));
+    const int ticks = std::max(1, static_cast<int>(std::ceil(length_m / (m_per_s * kBladeTick_s))));
     const Vector3 way_m = (to_m - tip_m_) / ticks;
     for (int tick = 0; tick < ticks; ++tick) step(way_m);
   }
@@ -243,10 +255,6 @@ class BladeHand {
   [[nodiscard]] double swept_m2() const { return swept_m2_; }
   [[nodiscard]] ElasticTissue& tissue() { return *elastic_->tissues()[0]; }
   [[nodiscard]] ElasticTissues& tissues() { return *elastic_; }
-  [[nodiscard]] double stored_joule() const {
-    const Matrix3 stiffness_newton_per_m = -contact_->d_force_d_position;
-    return 0.5 * newton_.dot(stiffness_newton_per_m.inverse() * newton_);
-  }
 
  private:
   std::shared_ptr<ElasticTissues> elastic_;
@@ -259,6 +267,7 @@ class BladeHand {
   double swept_m2_ = 0.0;
   double deepest_m_ = 0.0;
   std::optional<Contact> contact_;
+  std::optional<Vector3> reported_slip_m_;
 };
 
 std::shared_ptr<const ElasticBody> body_of(const SceneConfig& scene) {
@@ -313,9 +322,10 @@ TEST_F(BladeScene, OnItsWayTheEdgeIsInWhatItIsInOfAll) {
 }
 
 struct CutOf40mm {
+  double closed_joule = 0.0;     // work of the hand when it is out again
+  double cut_joule = 0.0;        // as the tissue says, meanwhile
   double work_joule = 0.0;       // of the hand from 5 to 40 mm
   double blade_joule = 0.0;      // of that, along the way past the tissue
-  double stored_joule = 0.0;     // less that at 5 mm
   double toughness_joule = 0.0;  // × the area that geometry says the edge has swept
   double mean_newton = 0.0;
   double least_newton = 0.0;  // from 8 mm on
@@ -339,21 +349,28 @@ CutOf40mm cut_40_mm(const SceneConfig& scene, double y_m = 0.001) {
   const double work_0 = hand.work_joule();
   const double swept_0 = hand.swept_m2();
   const double blade_0 = hand.blade_joule();
-  const double stored_0 = hand.stored_joule();
   const double x_0 = x_m;
   go_until(0.040);
+  const double work_joule = hand.work_joule() - work_0;
+  const double blade_joule = hand.blade_joule() - blade_0;
+  const double swept_m2 = hand.swept_m2() - swept_0;
+  hand.wait(0.3);
+  const AblationFigures cut = hand.tissue().ablation().figures();
+  hand.go_to(-0.040);
+  hand.wait(0.3);
   const AblationFigures& figures = hand.tissue().ablation().figures();
   EXPECT_GE(hand.least_work_joule(), -1e-9);
   EXPECT_EQ(figures.refused, 0U);
   EXPECT_EQ(hand.tissue().figures().failed, 0U);
-  return {.work_joule = hand.work_joule() - work_0,
-          .blade_joule = hand.blade_joule() - blade_0,
-          .stored_joule = hand.stored_joule() - stored_0,
-          .toughness_joule = kCutToughness_joule_per_m2 * (hand.swept_m2() - swept_0),
-          .mean_newton = (hand.work_joule() - work_0) / (x_m - x_0),
+  return {.closed_joule = hand.work_joule(),
+          .cut_joule = figures.cut_joule,
+          .work_joule = work_joule,
+          .blade_joule = blade_joule,
+          .toughness_joule = kCutToughness_joule_per_m2 * swept_m2,
+          .mean_newton = work_joule / (x_m - x_0),
           .least_newton = least_newton,
-          .swept_m2 = figures.swept_m2,
-          .separated_m2 = figures.separated_m2,
+          .swept_m2 = cut.swept_m2,
+          .separated_m2 = cut.separated_m2,
           .bodies = figures.remade};
 }
 
@@ -365,9 +382,9 @@ TEST_F(BladeScene, TheWorkIsToughnessTimesAreaWhateverTheMesh) {
   for (const CutOf40mm& one : {coarse, fine}) {
     EXPECT_GE(one.blade_joule, 0.98 * one.toughness_joule);
     EXPECT_LT(one.blade_joule, 1.10 * one.toughness_joule);
-    // what is stored is known of the held points alone, and changes with each next body
-    EXPECT_GE(one.work_joule - one.stored_joule, 0.95 * one.toughness_joule);
-    EXPECT_LT(one.work_joule - one.stored_joule, 1.10 * one.toughness_joule);
+    // by each next body it may lose energy, and gives none
+    EXPECT_GE(one.closed_joule, one.cut_joule);
+    EXPECT_LT(one.closed_joule, 1.10 * one.cut_joule);
     EXPECT_GT(one.least_newton, 0.8 * one.mean_newton);
     EXPECT_NEAR(one.separated_m2, one.swept_m2, 0.15 * one.swept_m2);
   }
@@ -375,13 +392,87 @@ TEST_F(BladeScene, TheWorkIsToughnessTimesAreaWhateverTheMesh) {
   EXPECT_NEAR(fine.mean_newton, coarse.mean_newton, 0.05 * coarse.mean_newton);
   for (const CutOf40mm& one : {coarse, fine}) {
     std::printf(
-        "work %.2f mJ, stored %.2f, J A %.2f, mean %.3f N, least %.3f N, swept %.1f mm2, separated "
+        "closed %.2f mJ, cut %.2f, work %.2f mJ, J A %.2f, mean %.3f N, least %.3f N, swept %.1f "
+        "mm2, separated "
         "%.1f "
         "mm2, bodies %zu\n",
-        1e3 * one.work_joule, 1e3 * one.stored_joule, 1e3 * one.toughness_joule, one.mean_newton,
-        one.least_newton, 1e6 * one.swept_m2, 1e6 * one.separated_m2,
-        static_cast<std::size_t>(one.bodies));
+        1e3 * one.closed_joule, 1e3 * one.cut_joule, 1e3 * one.work_joule,
+        1e3 * one.toughness_joule, one.mean_newton, one.least_newton, 1e6 * one.swept_m2,
+        1e6 * one.separated_m2, static_cast<std::size_t>(one.bodies));
   }
+}
+
+struct ClosedCut {
+  const char* name;
+  bool is_linear = true;
+  ElasticMaterial::Law law = ElasticMaterial::Law::kNeoHookean;
+  double m_per_s = kCutSpeed_m_per_s;
+  double viscosity_s = 0.002;
+  std::uint32_t most_points = 64;
+  double most_ratio = 1.1;
+};
+
+void PrintTo(const ClosedCut& one, std::ostream* out) { *out << one.name; }
+
+class ClosedCuts : public BladeScene, public testing::WithParamInterface<ClosedCut> {};
+INSTANTIATE_TEST_SUITE_P(
+    OfElementsAndLaws, ClosedCuts,
+    testing::Values(ClosedCut{.name = "Linear"}, ClosedCut{.name = "Quadratic", .is_linear = false},
+                    ClosedCut{.name = "Corotational", .law = ElasticMaterial::Law::kCorotational},
+                    ClosedCut{.name = "StVenantKirchhoff",
+                              .law = ElasticMaterial::Law::kStVenantKirchhoff,
+                              .most_ratio = 1.15},
+                    ClosedCut{.name = "FewPoints", .most_points = 8, .most_ratio = 1.3},
+                    ClosedCut{.name = "Fast", .m_per_s = 0.1},
+                    ClosedCut{.name = "VeryFast", .m_per_s = 0.4},
+                    ClosedCut{.name = "Viscous", .viscosity_s = 1.0, .most_ratio = 1.25}),
+    [](const auto& one) { return std::string(one.param.name); });
+
+// In, 40 mm on and out again: nothing is stored at the end, and nothing rubs.
+TEST_P(ClosedCuts, TakeNoLessThanToughnessTimesAreaAndLittleMore) {
+  if (test::kIsSanitized) GTEST_SKIP() << "too slow";
+  const ClosedCut& one = GetParam();
+  if (!one.is_linear) set(10, 5, 4);  // in seconds
+  auto& material = std::get<ElasticMaterial>(scene_.tissues[0].material);
+  material.is_linear = one.is_linear;
+  material.law = one.law;
+  material.viscosity_s = one.viscosity_s;
+  scene_.blade->most_points = one.most_points;
+  BladeHand hand(scene_);
+  hand.go_to(Vector3(0.006, 0.001, -kCutDepth_m), one.m_per_s);
+  hand.wait(0.3);
+  hand.go_to(Vector3(-0.040, 0.001, -kCutDepth_m), one.m_per_s);
+  hand.wait(0.3);
+  const AblationFigures& figures = hand.tissue().ablation().figures();
+  std::printf("work %.2f mJ, toughness x area %.2f mJ, %.0f mm2\n", 1e3 * hand.work_joule(),
+              1e3 * figures.cut_joule, 1e6 * figures.swept_m2);
+  EXPECT_FALSE(hand.is_in());
+  // 1.5 %: what a fast hand feels is that of a solution before
+  EXPECT_GE(hand.work_joule(), 0.985 * figures.cut_joule);
+  EXPECT_LE(hand.work_joule(), one.most_ratio * figures.cut_joule);
+  // 38 mm at most, less what the tissue gives way; the edge slides along itself, too
+  EXPECT_LT(figures.swept_m2, 1.15 * 0.038 * kCutDepth_m);
+  EXPECT_GT(figures.swept_m2, 0.5 * 0.038 * kCutDepth_m);
+  EXPECT_EQ(hand.tissue().figures().failed, 0U);
+}
+
+// A slip that no force explains, of a tool that stands still: the edge stays where it is.
+TEST_F(BladeScene, DoesNotFollowASlipThatItsForceDoesNotExplain) {
+  BladeHand hand(scene_);
+  hand.go_to(-0.015);
+  ASSERT_TRUE(hand.is_in());
+  hand.wait(0.3);
+  const double cut_joule = hand.cut_joule();
+  const double newton = hand.newton().x();
+  for (int i = 0; i < 40; ++i) {
+    hand.report_slip(hand.slip_m() + Vector3(5e-4, 0, 0));
+    hand.wait(0.02);
+    ASSERT_TRUE(hand.is_in());
+    ASSERT_LT(hand.newton().norm(), 3.0);
+  }
+  hand.wait(0.2);
+  EXPECT_LT(hand.cut_joule() - cut_joule, 0.1 * kCutForce_newton * 0.020);  // of 20 mm
+  EXPECT_NEAR(hand.newton().x(), newton, 0.2 * kCutForce_newton);
 }
 
 /// How far the place moves that is pushed aside with a force, in the body as it is now.
