@@ -98,7 +98,6 @@ class ElasticPatches::Patch {
 
   void empty() noexcept {
     for (Held& held : held_) held.version = 0;
-    has_state_ = false;
     newest_number_ = 0;
     reset();
   }
@@ -107,7 +106,7 @@ class ElasticPatches::Patch {
     is_crossing_ = false;
     has_tip_ = false;
     // the last state counts again
-    has_state_ = newest_number_ > 0;
+    has_state_ = newest_number_ > 0 && state_.radius_m > 0.0;
   }
   void take(const ElasticPoint& point) noexcept;
   void take(const ElasticState& state, double age_s) noexcept {
@@ -118,6 +117,7 @@ class ElasticPatches::Patch {
     newest_number_ = state.number;
     state_ = state;
     has_state_ = true;
+    if (!(state.radius_m > 0.0)) reset();
   }
   /// @param budget  reduced by what this needs
   Result step(const Interaction& newest, const Vector3& tip_m, double dt_s, double scene_s,

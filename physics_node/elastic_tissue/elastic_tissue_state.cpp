@@ -18,6 +18,9 @@ constexpr double kPeriodsAhead = 2.0;
 constexpr double kHeldAges = 1.25;
 constexpr std::uint32_t kHeldPeriods = 3;
 constexpr double kSamePlace_m = 2e-4;
+// A patch has the compliance of a body that leans on nothing. Where leaning makes it less by more
+// than this factor, the contact model is nearer to the solution.
+constexpr double kMostLeaningRatio = 5.0;
 
 }  // namespace
 
@@ -212,6 +215,7 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
   if (!has_stepped && !is_elsewhere && maker && maker->is_complete()) return;
   if (!maker) maker.emplace(*body_, compliance(), tip_radius_m_);
   const double ahead_s = ahead.age_s + kPeriodsAhead / body_->solve_rate_hz;
+  const bool is_void = touch.is_near && tool.last && tool.last->leaning_ratio() > kMostLeaningRatio;
   maker->update({.tip_m = tip_m,
                  .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
                  .normal = tool.slow_normal,
@@ -221,7 +225,8 @@ void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
                  .gap_m = tool.slow_distance_m,
                  .carried_m = tool.carried.at_m(solved_s_),
                  .carried_m_per_s = tool.carried.velocity_m_per_s(solved_s_),
-                 .carried_at_s = solved_s_},
+                 .carried_at_s = solved_s_,
+                 .is_void = is_void},
                 touch.is_near ? touch : free, simulation_->x_m(), simulation_->v_m_per_s(),
                 is_alone(index));
   tool.patch_tip_m = tip_m;

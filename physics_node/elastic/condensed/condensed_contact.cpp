@@ -153,6 +153,7 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   held_m_.clear();
   scale_ = 1.0;
   carried_.clear();
+  leaning_ratio_ = 1.0;
 }
 
 void CondensedContact::swing(const SlowModes& modes, const std::vector<SurfacePoint>& points,

@@ -146,6 +146,10 @@ class CondensedContact {
   void lean_on(std::vector<Support> supports, const std::vector<SurfacePoint>& points,
                const VectorXd& x_m, const Vector3d& centre_m);
   static constexpr std::size_t kMostSupports = 128;
+  /// Of the place that is pressed, or else of the point nearest to the sphere: how much more it
+  /// would give way if the body leant on nothing, fᵀ C f over fᵀ (C − B (W + D)⁻¹ Bᵀ) f. 1: it does
+  /// lean on nothing.
+  [[nodiscard]] double leaning_ratio() const noexcept { return leaning_ratio_; }
   /// How what the body leans on carries the place that is pressed, or else the point nearest to the
   /// sphere: B (W + D)⁻¹ times the amplitude of each motion, quasi-static. step() does not know of
   /// it: its sphere is there less how far this has gone since the full solution.
@@ -225,6 +229,7 @@ class CondensedContact {
   void add_swing(double pace) noexcept;
   void stand_still() noexcept;
   [[nodiscard]] bool scale_compliance();
+  [[nodiscard]] double ratio_with(const Eigen::MatrixXd& less) const;
   [[nodiscard]] std::vector<float>& own_among();
   [[nodiscard]] const std::vector<float>& in_step() const noexcept {
     return modal_.is_empty() ? *among_ : stepped_;
@@ -271,6 +276,7 @@ class CondensedContact {
   std::vector<Vector3d> held_m_;               // positions_m_ less what the branches hold
   double scale_ = 1.0;                         // of the compliance
   std::vector<palpate::TissueMotionConfig> carried_;
+  double leaning_ratio_ = 1.0;
 };
 
 }  // namespace palpate::elastic

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -94,6 +95,21 @@ void add_others(const std::vector<Support>& supports, Eigen::MatrixXd& among) {
 
 }  // namespace
 
+/// @see leaning_ratio; before C is changed   @param less  Y
+double CondensedContact::ratio_with(const Eigen::MatrixXd& less) const {
+  const Eigen::Index size = 3 * Eigen::Index{count_};
+  Eigen::VectorXd force = Eigen::VectorXd::Zero(size);
+  for (Eigen::Index j = 0; j < count_; ++j) {
+    force.segment<3>(3 * j) = forces_newton_[static_cast<std::size_t>(j)];
+  }
+  if (force.isZero(0.0)) force.head<3>() = along_.isZero(0.0) ? Vector3d::UnitZ() : along_;
+  const Eigen::Map<const Eigen::MatrixXf, 0, Eigen::OuterStride<>> among(
+      among_->data(), size, size, Eigen::OuterStride<>(static_cast<Eigen::Index>(stride_)));
+  const double free = force.dot(among.cast<double>() * force);
+  const double leaning = free - (less * force).squaredNorm();
+  return leaning > 0.0 ? free / leaning : std::numeric_limits<double>::infinity();
+}
+
 void CondensedContact::lean_on(std::vector<Support> supports,
                                const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                                const Vector3d& centre_m) {
@@ -169,6 +185,7 @@ void CondensedContact::lean_on(std::vector<Support> supports,
                         .frequency_hz = motion.frequency_hz,
                         .phase_rad = motion.phase_rad});
   }
+  leaning_ratio_ = ratio_with(less);
   const Eigen::MatrixXf taken = (less.transpose() * less).cast<float>();
   std::vector<float>& all = own_among();
   for (Eigen::Index column = 0; column < taken.cols(); ++column) {

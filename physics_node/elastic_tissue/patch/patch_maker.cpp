@@ -207,6 +207,9 @@ void PatchMaker::update(const Tip& tip, const ElasticSimulation::Touch& touch,
     assign(slot, point);
   }
   describe(touch, x_m, v_m_per_s, is_alone);
+  if (!tip.is_void) return;
+  state.radius_m = 0.0;
+  state.places.fill({});
 }
 
 /// The compliance between the untouched body and a state of it, so that it does the work of the

@@ -51,6 +51,8 @@ class PatchMaker {
     Vector3 carried_m = Vector3::Zero();
     Vector3 carried_m_per_s = Vector3::Zero();
     double carried_at_s = 0.0;
+    /// The body does not give way here as compliance() says @see ElasticState::radius_m
+    bool is_void = false;
   };
   /// After a full solution. Makes the columns of few nodes that have none, nearest first: the
   /// points of the others come later.

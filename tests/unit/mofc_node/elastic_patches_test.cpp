@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <type_traits>
 #include <vector>
 
 #include "deploy/lockstep/random_elastic.h"
@@ -335,48 +334,74 @@ TEST_F(HalfSpacePatch, ChangesTheForceOfANewStateNoFasterThanTheBound) {
   EXPECT_NEAR(before, aim, 0.02 * aim);
 }
 
-// A body of which something has vanished is described anew, point by point; until all are there the
-// contact model of the Interaction counts, here none.
-TEST_F(HalfSpacePatch, WhereItEndsAtOnceTheForceFadesNoFasterThanTheBound) {
-  TissueModel model(true, kNewtonPerS, 1, from_seconds(kTick_s));
-  interaction_.elastic.store_id = model.receipts().store_id;
-  const auto receive = [&](const auto& news) {
-    interaction_.elastic.number = ++number_;
-    interaction_.elastic.has_point = std::is_same_v<std::decay_t<decltype(news)>, ElasticPoint>;
-    if constexpr (std::is_same_v<std::decay_t<decltype(news)>, ElasticPoint>) {
-      interaction_.elastic.point = news;
-    } else {
-      interaction_.elastic.state = news;
-    }
-    model.receive(interaction_, {});
+// Until there is a patch again the contact model of the Interaction counts, here none.
+class PatchThatEnds : public HalfSpacePatch {
+ protected:
+  /// Both by the fixture's patches, which are of another store, and by the model.
+  void receive(const auto& news) {
+    send(news);
+    model_.receive(interaction_, {});
     interaction_.elastic.number = 0;
-  };
-  const auto newton_at = [&](double depth_m) {
+  }
+  double newton_at(double depth_m) {
     const test::AllocGuard guard;
     const ModelForce force =
-        model.step(interaction_, {}, {0.0, 0.0, kRadius_m - depth_m}, Vector3::Zero(), kTick_s);
+        model_.step(interaction_, {}, {0.0, 0.0, kRadius_m - depth_m}, Vector3::Zero(), kTick_s);
     EXPECT_EQ(guard.count(), 0U);
     return force.force_on_tool_newton.z();
-  };
-  state_.force_step_newton = 1e-5F;
-  state_.places[60].force = {0, 0, -32767};
-  for (const ElasticPoint& point : points_) receive(point);
-  receive(state_);
-  double before = 0.0;
-  for (int tick = 0; tick < 40; ++tick) before = newton_at(std::min(3e-3, 1e-4 * tick));
-  ASSERT_GT(before, 0.25);
+  }
+  double press_with_a_patch() {
+    interaction_.elastic.store_id = model_.receipts().store_id;
+    state_.force_step_newton = 1e-5F;
+    state_.places[60].force = {0, 0, -32767};
+    for (const ElasticPoint& point : points_) receive(point);
+    receive(state_);
+    double newton = 0.0;
+    for (int tick = 0; tick < 40; ++tick) newton = newton_at(std::min(3e-3, 1e-4 * tick));
+    return newton;
+  }
+  void expect_to_fade_within_the_bound(double before) {
+    ASSERT_GT(before, 0.25);
+    int ticks = 0;
+    for (; before > 0.0 && ticks < 100; ++ticks) {
+      const double newton = newton_at(3e-3);
+      ASSERT_LE(std::abs(newton - before), kNewtonPerS * kTick_s + 1e-9);
+      before = newton;
+    }
+    EXPECT_EQ(before, 0.0);
+    EXPECT_GT(ticks, 2);
+  }
+
+ private:
+  TissueModel model_{true, kNewtonPerS, 1, from_seconds(kTick_s)};
+};
+
+// A body of which something has vanished is described anew, point by point.
+TEST_F(PatchThatEnds, WithAPointThatIsReplacedFadesNoFasterThanTheBound) {
+  const double newton = press_with_a_patch();
 
   ElasticPoint newer = points_[60];
   newer.version = 1000;
   receive(newer);
-  int ticks = 0;
-  for (; before > 0.0 && ticks < 100; ++ticks) {
-    const double newton = newton_at(3e-3);
-    ASSERT_LE(std::abs(newton - before), kNewtonPerS * kTick_s + 1e-9);
-    before = newton;
-  }
-  EXPECT_EQ(before, 0.0);
-  EXPECT_GT(ticks, 2);
+  expect_to_fade_within_the_bound(newton);
+}
+
+// A body that leans on something gives way otherwise than its points say.
+TEST_F(PatchThatEnds, WithAStateWithoutRadiusFadesNoFasterThanTheBoundAndBeginsAgain) {
+  const double newton = press_with_a_patch();
+  ElasticState next = state_;
+  next.number = 2;
+  next.radius_m = 0.0;
+  next.places.fill({});
+
+  receive(next);
+  expect_to_fade_within_the_bound(newton);
+
+  state_.number = 3;
+  receive(state_);
+  double again = 0.0;
+  for (int tick = 0; tick < 40; ++tick) again = newton_at(3e-3);
+  EXPECT_NEAR(again, newton, 0.01 * newton);
 }
 
 TEST_F(HalfSpacePatch, HasFrictionUpToItsCoefficient) {
