@@ -15,6 +15,7 @@
 #include "common/process/rejection_log.h"
 #include "common/session/session_file.h"
 #include "physics_node/display/scene_display.h"
+#include "physics_node/elastic_tissue/scene_report.h"
 #include "physics_node/engine_process/process.h"
 #include "physics_node/scene_engine.h"
 #include "physics_node/tissue_changes.h"
@@ -84,6 +85,16 @@ std::filesystem::path own_cache_folder(const SceneConfig& scene, spdlog::logger&
   return {};
 }
 
+void warn_of_tearing(const ElasticTissues& elastic, const SceneConfig& scene, spdlog::logger& log) {
+  for (const auto& one : elastic.tissues()) {
+    const TissueConfig& tissue = scene.tissues[one->body().tissue];
+    for (const std::string& warning :
+         tearing_warnings(one->body(), std::get<ElasticMaterial>(tissue.material))) {
+      log.warn("event=tears_too_hard tissue=\"{}\" reason=\"{}\"", tissue.name, warning);
+    }
+  }
+}
+
 }  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
@@ -104,6 +115,7 @@ void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
   const std::shared_ptr<ElasticTissues> elastic =
       ElasticTissues::of(session.scene, session.sides.size(), ElasticPace::kThread,
                          own_cache_folder(session.scene, context.log));
+  if (elastic) warn_of_tearing(*elastic, session.scene, context.log);
   std::vector<SceneEngine*> engines;
   SceneDisplay* display = nullptr;
   PhysicsProgram program{.make_engine =

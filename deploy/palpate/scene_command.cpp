@@ -17,6 +17,7 @@
 #include "physics_node/elastic_tissue/ablation/ablated_body.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/elastic_tissue/jaw.h"
+#include "physics_node/elastic_tissue/scene_report.h"
 
 namespace palpate {
 namespace {
@@ -173,14 +174,20 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
   try {
     const BusyLine loading("reading the geometry", verbosity.is_quiet);
     warnings = session_warnings(session);
-    for (const auto& body : physics::elastic_bodies_of(session.scene)) {
+    const auto bodies = physics::elastic_bodies_of(session.scene);
+    for (const auto& body : bodies) {
       reports.push_back(session.scene.tissues[body->tissue].name + ": " +
                         physics::mesh_report(*body));
       const auto& tissue = session.scene.tissues[body->tissue];
       for (const std::string& idle : body->idle_places) {
         warnings.push_back("tissue \"" + tissue.name + "\": " + idle);
       }
-      for (const std::string& line : material_lines(std::get<ElasticMaterial>(tissue.material))) {
+      const auto& material = std::get<ElasticMaterial>(tissue.material);
+      for (const std::string& doubt : physics::tearing_warnings(*body, material)) {
+        warnings.push_back("tissue \"" + tissue.name + "\": " + doubt);
+      }
+      for (const std::string& line : material_lines(material)) reports.push_back("  " + line);
+      for (const std::string& line : physics::touching_lines(bodies, *body, session.scene)) {
         reports.push_back("  " + line);
       }
       if (session.scene.gripper) {

@@ -755,6 +755,22 @@ TEST_F(Processes, SceneCheckTellsWhatAGripperTakes) {
   EXPECT_THAT(narrow.err, HasSubstr("the gripper takes nothing at "));
 }
 
+TEST_F(Processes, SceneCheckTellsWhatOrgansTouchAndHowTheyTear) {
+  const std::string tools = test::source_dir() + "/deploy/sessions/tools/";
+  const Outcome ribs =
+      run_program("palpate", {"scene", "check", "-q", tools + "against_rib.txtpb"});
+  EXPECT_EQ(ribs.status, 0) << ribs.err;
+  EXPECT_THAT(ribs.out, HasSubstr(", which does not give way, friction coefficient "));
+  const std::string bed = tools + "gallbladder.txtpb";
+  const Outcome good = run_program("palpate", {"scene", "check", "-q", bed});
+  EXPECT_THAT(good.err, Not(HasSubstr("elastic.attached")));
+  const Outcome stiff =
+      run_program("palpate", {"scene", "check", "-q", bed, "--set",
+                              "scene.tissue[0].elastic.attached[0].stiffness_pa_per_m=1e7"});
+  EXPECT_EQ(stiff.status, 0) << stiff.err;
+  EXPECT_THAT(stiff.err, HasSubstr("elastic.attached[0] does not keep its toughness"));
+}
+
 TEST_F(Processes, SceneCheckPrintsWhatASessionContains) {
   const Outcome check = run_program("palpate", {"scene", "check", kDefault});
 
