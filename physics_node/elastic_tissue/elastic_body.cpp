@@ -264,14 +264,7 @@ void lay_surface(const std::string& name, ElasticBody& made) {
     made.sag_m = std::max(made.sag_m,
                           (made.start_m.segment<3>(i) - made.body->rest_m().segment<3>(i)).norm());
   }
-  TriangleMesh surface;
-  std::vector<std::uint32_t> vertex_of(made.body->node_count(), 0);
-  for (const std::uint32_t node : made.surface_nodes) {
-    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
-    surface.vertices_m.emplace_back(made.start_m.segment<3>(3 * Eigen::Index{node}));
-  }
-  for (const auto& [a, b, c] : triangles_of(made))
-    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
+  const TriangleMesh surface = surface_mesh(made, made.start_m);
   const std::string complaint = complaint_about(surface);
   if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
   made.shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
@@ -453,10 +446,7 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
   }
   for (const auto& body : bodies) {
     for (const auto& other : bodies) {
-      if (std::none_of(body->touches.begin(), body->touches.end(),
-                       [&](const auto& one) { return one.tissue == other->tissue; })) {
-        continue;
-      }
+      if (body->touched(other->tissue) == nullptr) continue;
       const std::string name = "the elastic body \"" + scene.tissues[body->tissue].name + "\": ";
       check_outside(body->body->mesh(),
                     {{.name = scene.tissues[other->tissue].name,
@@ -488,6 +478,19 @@ std::vector<std::array<std::uint32_t, 3>> triangles_of(const elastic::Mesh& mesh
     }
   }
   return triangles;
+}
+
+TriangleMesh surface_mesh(const ElasticBody& body, const elastic::VectorXd& x_m) {
+  TriangleMesh surface;
+  std::vector<std::uint32_t> vertex_of(body.body->node_count(), 0);
+  for (const std::uint32_t node : body.surface_nodes) {
+    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
+    surface.vertices_m.emplace_back(x_m.segment<3>(3 * Eigen::Index{node}));
+  }
+  for (const auto& [a, b, c] : triangles_of(body)) {
+    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
+  }
+  return surface;
 }
 
 }  // namespace palpate::physics

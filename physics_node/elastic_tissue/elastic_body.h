@@ -20,6 +20,7 @@
 #include "physics_node/elastic/sphere_contact.h"
 #include "physics_node/elastic_tissue/touching/neighbors.h"
 #include "physics_node/surfaces/shape.h"
+#include "physics_node/surfaces/triangle_surface.h"
 
 namespace palpate::physics {
 
@@ -75,6 +76,13 @@ struct ElasticBody {
   std::vector<ElasticNeighbor> touches = {};
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 
+  /// The elastic tissue with this index in the scene, if the session says that this one touches it;
+  /// null: it does not.
+  [[nodiscard]] const ElasticNeighbor* touched(std::uint32_t other) const noexcept {
+    const auto found = std::find_if(touches.begin(), touches.end(),
+                                    [&](const auto& one) { return one.tissue == other; });
+    return found == touches.end() ? nullptr : &*found;
+  }
   /// It may lie on what moves.
   [[nodiscard]] bool can_be_carried() const noexcept { return resting && resting->can_move(); }
   [[nodiscard]] bool can_tear() const noexcept {
@@ -90,6 +98,9 @@ struct ElasticBody {
     const ElasticBody& body) {
   return triangles_of(body.body->mesh(), body.faces);
 }
+/// The surface as a mesh of its own, its vertices in the order of surface_nodes.
+/// @param x_m  of all nodes, 3 each
+[[nodiscard]] TriangleMesh surface_mesh(const ElasticBody& body, const elastic::VectorXd& x_m);
 
 /// Slope of the force on a tip that presses 1 mm into a half-space of this material [Hertz], N/m.
 [[nodiscard]] double hertz_slope_newton_per_m(const elastic::Material& material,

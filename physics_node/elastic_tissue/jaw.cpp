@@ -183,10 +183,10 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
   if (std::exchange(is_body_new_, false)) {
     closed_joule_ = now.stored_joule - model_.stored_energy_joule;
   }
-  if (blade_.length_m > 0.0) keep_books(now, step_s, is_alone);
+  if (is_blade()) keep_books(now, step_s, is_alone);
   const bool is_still = now.velocity_m_per_s.norm() <= kStill_m_per_s;
   // a next body that comes to rest changes the force, too
-  const bool is_changing = blade_.length_m > 0.0 && is_coming_to_rest();
+  const bool is_changing = is_blade() && is_coming_to_rest();
   bool is_explained = !is_alone || is_still || is_changing;
   if (known_ == changes) measured_ = measure(simulation, now, step_s);
   model_.others.clear();
@@ -207,7 +207,7 @@ void Jaw::read(ElasticSimulation& simulation, std::size_t tool,
     if (way_m.norm() > elastic::kShortestWay_m) {
       const Matrix3 updated = elastic::updated_stiffness(
           K, way_m, explained_.force_on_tool_newton - now.force_on_tool_newton);
-      if (!(blade_.length_m > 0.0) || is_like_at_rest(updated, stiffness_with_[tool])) K = updated;
+      if (!is_blade() || is_like_at_rest(updated, stiffness_with_[tool])) K = updated;
       is_explained = true;
     }
   }

@@ -213,6 +213,7 @@ class Jaw {
     bool is_known = false;     // what was stored in the solution before
     bool is_alone = true;
   };
+  [[nodiscard]] bool is_blade() const noexcept { return blade_.length_m > 0.0; }
   /// The first solutions of a next body: they change the force more than the blade does.
   [[nodiscard]] bool is_coming_to_rest() const noexcept {
     return books_.released_s > 0.6 * kReleased_s;

@@ -24,18 +24,8 @@ double placed_gap_m(const ElasticBody& body, const Surface& other, const Vector3
   return least_m;
 }
 
-/// As it is placed.
 TriangleSurface placed_surface(const ElasticBody& body) {
-  TriangleMesh surface;
-  std::vector<std::uint32_t> vertex_of(body.body->node_count(), 0);
-  for (const std::uint32_t node : body.surface_nodes) {
-    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
-    surface.vertices_m.emplace_back(body.body->rest_m().segment<3>(3 * Eigen::Index{node}));
-  }
-  for (const auto& [a, b, c] : triangles_of(body)) {
-    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
-  }
-  return TriangleSurface(surface);
+  return TriangleSurface(surface_mesh(body, body.body->rest_m()));
 }
 
 std::string touching_line(const std::string& name, const char* how, double friction_coefficient,
@@ -84,18 +74,13 @@ std::vector<std::string> touching_lines(
         one.friction_coefficient, gap));
   }
   for (const auto& other : bodies) {
-    const auto named_by = [](const ElasticBody& by, std::uint32_t tissue) {
-      return std::find_if(by.touches.begin(), by.touches.end(),
-                          [&](const ElasticNeighbor& one) { return one.tissue == tissue; });
-    };
-    const auto own = named_by(body, other->tissue);
-    const auto its = named_by(*other, body.tissue);
-    const bool is_own = own != body.touches.end();
-    if (!is_own && its == other->touches.end()) continue;
+    const ElasticNeighbor* const own = body.touched(other->tissue);
+    const ElasticNeighbor* const its = other->touched(body.tissue);
+    if (own == nullptr && its == nullptr) continue;
     const double gap = std::min(placed_gap_m(body, placed_surface(*other), Vector3::Zero()),
                                 placed_gap_m(*other, placed_surface(body), Vector3::Zero()));
     lines.push_back(touching_line(scene.tissues[other->tissue].name, "gives way too",
-                                  (is_own ? own : its)->friction_coefficient, gap));
+                                  (own != nullptr ? own : its)->friction_coefficient, gap));
   }
   return lines;
 }

@@ -15,7 +15,7 @@ constexpr int kMostHalvings = 60;  // to the rounding of a double
 struct Yielding {
   double push_newton = 0.0;             ///< −F·d at w = 0
   double stiffness_newton_per_m = 0.0;  ///< d·K d, and what friction grows with the depth
-  // of the edge; all but `most` 0: there is none
+  // of the edge; as they are here: there is none
   double along_newton = 0.0;              ///< F·e at w = 0
   double coupling_newton_per_m = 0.0;     ///< d·K e
   double along_newton_per_m = 1.0;        ///< e·K e

@@ -29,6 +29,7 @@ inline constexpr double kMaxElasticRelaxationS = 10.0;
 /// rest.
 inline constexpr double kMinComplianceRatio = 0.1;
 inline constexpr double kMaxComplianceRatio = 2.0;
+/// The surface is carried on for so long without news.
 inline constexpr double kLongestCarriedS = 0.25;
 /// 1 in the integers of the structs below.
 inline constexpr double kElasticScale = 32767.0;
@@ -88,7 +89,7 @@ struct ElasticState {
   Vector3 normal = Vector3::UnitZ();  ///< unit, of the surface at the tip
   Vector3 from_m = Vector3::Zero();   ///< foot of the tip on the surface,
   Vector3 to_m = Vector3::Zero();     ///< and where it moves
-  double radius_m = 0.0;
+  double radius_m = 0.0;              ///< 0: of this body no earlier state counts either
   /// What the body lies on has carried the surface by so much, and carries it on. All places above
   /// and below are W less this: where they would be without.
   Vector3 carried_m = Vector3::Zero();

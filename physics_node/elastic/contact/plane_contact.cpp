@@ -69,17 +69,20 @@ void ContactPlane::slip(const double* x_m) noexcept {
   anchor_m = point.position_m(x_m) - (multiplier_newton > 0.0 ? left : 0.0) * slid;
 }
 
+void add_across(std::vector<Support>& supports) {
+  const Vector3d normal = supports.back().direction;
+  const Vector3d first = normal.unitOrthogonal();
+  for (const Vector3d& direction : {first, Vector3d(normal.cross(first))}) {
+    supports.push_back(supports.back());
+    supports.back().direction = direction;
+  }
+}
+
 std::vector<Support> supports_of(const std::vector<ContactPlane>& planes, const double* x_m) {
   std::vector<Support> supports;
   for (const ContactPlane& plane : planes) {
-    const Support along{.point = plane.point, .direction = plane.normal, .motion = plane.motion};
-    supports.push_back(along);
-    if (!plane.is_stuck(x_m)) continue;
-    const Vector3d first = plane.normal.unitOrthogonal();
-    supports.push_back(along);
-    supports.back().direction = first;
-    supports.push_back(along);
-    supports.back().direction = plane.normal.cross(first);
+    supports.push_back({.point = plane.point, .direction = plane.normal, .motion = plane.motion});
+    if (plane.is_stuck(x_m)) add_across(supports);
   }
   return supports;
 }

@@ -60,6 +60,9 @@ struct ContactPlane {
   void slip(const double* x_m) noexcept;
 };
 
+/// After a support along a normal: two more of its point, across that, where friction holds it.
+void add_across(std::vector<Support>& supports);
+
 /// The directions in which planes that press hold a body: their normals, and within them where
 /// friction holds it too.
 /// @param x_m  where the last step ended

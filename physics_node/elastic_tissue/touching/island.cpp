@@ -12,13 +12,6 @@ namespace {
 // Another pass is made while a force changes by more than the penalty at this depth.
 constexpr double kClose_m = 2e-6;
 
-/// In the session, `one` names the other. @return  null: it does not
-const ElasticNeighbor* named(const ElasticBody& one, const ElasticBody& other) {
-  const auto found = std::find_if(one.touches.begin(), one.touches.end(),
-                                  [&](const auto& each) { return each.tissue == other.tissue; });
-  return found == one.touches.end() ? nullptr : &*found;
-}
-
 }  // namespace
 
 std::vector<std::vector<std::size_t>> Island::of(std::span<const ElasticBody* const> bodies) {
@@ -26,7 +19,7 @@ std::vector<std::vector<std::size_t>> Island::of(std::span<const ElasticBody* co
   std::iota(island_of.begin(), island_of.end(), std::size_t{0});
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     for (std::size_t j = 0; j < bodies.size(); ++j) {
-      if (named(*bodies[i], *bodies[j]) == nullptr) continue;
+      if (bodies[i]->touched(bodies[j]->tissue) == nullptr) continue;
       const std::size_t from = std::max(island_of[i], island_of[j]);
       const std::size_t to = std::min(island_of[i], island_of[j]);
       std::replace(island_of.begin(), island_of.end(), from, to);
@@ -46,8 +39,8 @@ std::vector<std::vector<std::size_t>> Island::of(std::span<const ElasticBody* co
 Island::Island(std::span<const ElasticBody* const> bodies) {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     for (std::size_t j = i + 1; j < bodies.size(); ++j) {
-      const ElasticNeighbor* const one = named(*bodies[i], *bodies[j]);
-      const ElasticNeighbor* const other = named(*bodies[j], *bodies[i]);
+      const ElasticNeighbor* const one = bodies[i]->touched(bodies[j]->tissue);
+      const ElasticNeighbor* const other = bodies[j]->touched(bodies[i]->tissue);
       if (one == nullptr && other == nullptr) continue;
       pairs_.emplace_back(i, j,
                           std::max(one == nullptr ? 0.0 : one->friction_coefficient,
@@ -70,12 +63,7 @@ std::vector<elastic::Support> Island::supports_of(
                           .direction = one.normal,
                           .other = other,
                           .other_point = is_own_node ? one.triangle_point() : one.node_point()});
-      if (!pair.is_stuck(one)) continue;
-      const Vector3 along = one.normal.unitOrthogonal();
-      for (const Vector3& direction : {along, Vector3(one.normal.cross(along))}) {
-        supports.push_back(supports.back());
-        supports.back().direction = direction;
-      }
+      if (pair.is_stuck(one)) elastic::add_across(supports);
     }
   }
   return supports;

@@ -4,9 +4,11 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <functional>
 #include <memory>
 #include <string>
@@ -19,6 +21,7 @@
 #include "tests/bench/elastic/delayed_force.h"
 #include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::bench {
 namespace {
@@ -122,15 +125,9 @@ SceneConfig box_scene(const char* session, const TempFolder& folder, const Vecto
     return elastic::equal_planes(low_m[axis], high_m[axis], cells[static_cast<std::size_t>(axis)]);
   };
   const elastic::Mesh box = elastic::box_mesh(planes(0), planes(1), planes(2));
-  physics::TetrahedralMesh mesh;
-  mesh.nodes_m.assign(box.nodes_m.begin(), box.nodes_m.end());
-  for (std::size_t e = 0; e < box.element_count(); ++e) {
-    const auto corners = box.element(e);
-    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-  }
   FileGeometry& geometry = std::get<FileGeometry>(scene.tissues.front().geometry);
   geometry = {.kind = FileGeometry::Kind::kTetrahedralMesh,
-              .file = folder.write("box.msh", physics::msh_text(mesh))};
+              .file = folder.write("box.msh", physics::msh_text(test::tetrahedra_of(box)))};
   return scene;
 }
 

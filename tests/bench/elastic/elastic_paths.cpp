@@ -35,6 +35,7 @@
 #include "tests/bench/elastic/delayed_force.h"
 #include "tests/bench/elastic/elastic_rows.h"
 #include "tests/support/machine/places.h"
+#include "tests/support/tetrahedra_of.h"
 
 namespace {
 
@@ -165,15 +166,9 @@ class Paths {
     const std::vector<double> along = elastic::equal_planes(-0.03, 0.03, 8);
     const elastic::Mesh plate = elastic::box_mesh(
         along, along, elastic::equal_planes(-0.5 * thickness_m, 0.5 * thickness_m, 2));
-    TetrahedralMesh mesh;
-    for (const Vector3& node_m : plate.nodes_m) mesh.nodes_m.emplace_back(node_m);
-    for (std::size_t e = 0; e < plate.element_count(); ++e) {
-      const auto corners = plate.element(e);
-      mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-    }
     const std::string file =
         (folder_ / fmt::format("plate_{:.0f}_mm.msh", 1e3 * thickness_m)).string();
-    std::ofstream(file) << msh_text(mesh);
+    std::ofstream(file) << msh_text(test::tetrahedra_of(plate));
     ElasticMaterial material{.young_pa = 15e3, .viscosity_s = 0.005};
     material.fixed = {HalfSpaceGeometry{.point_m = {-0.0299, 0, 0}, .normal = {1, 0, 0}}};
     if (is_held_at_both) {

@@ -28,6 +28,7 @@
 #include "tests/bench/elastic/elastic_rows.h"
 #include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tetrahedra_of.h"
 
 namespace {
 
@@ -159,14 +160,8 @@ SceneConfig incision(double times, const TempFolder& folder) {
   const elastic::Mesh box = elastic::box_mesh(elastic::equal_planes(-0.03, 0.03, cells(14)),
                                               elastic::equal_planes(-0.015, 0.015, cells(7)),
                                               elastic::equal_planes(-0.02, 0.0, cells(5)));
-  physics::TetrahedralMesh mesh;
-  mesh.nodes_m.assign(box.nodes_m.begin(), box.nodes_m.end());
-  for (std::size_t e = 0; e < box.element_count(); ++e) {
-    const auto corners = box.element(e);
-    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-  }
   std::get<FileGeometry>(scene.tissues.front().geometry).file =
-      folder.write("block.msh", physics::msh_text(mesh));
+      folder.write("block.msh", physics::msh_text(test::tetrahedra_of(box)));
   return scene;
 }
 

@@ -13,6 +13,7 @@
 #include "physics_node/library/palpate_tissue.hpp"
 #include "tests/bench/tissue/soft_body.h"
 #include "tests/bench/tissue/tissue_problems.h"
+#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::bench {
 namespace {
@@ -38,17 +39,12 @@ class Folder {
 
 tissue::Scene scene_of(const elastic::BodyDescription& description, bool is_quadratic) {
   const Folder folder;
-  physics::TetrahedralMesh mesh;
   double top_m = 0.0;
   for (const elastic::Vector3d& node_m : description.mesh.nodes_m) {
-    mesh.nodes_m.emplace_back(node_m);
     top_m = std::max(top_m, node_m.z());
   }
-  for (std::size_t e = 0; e < description.mesh.element_count(); ++e) {
-    const auto corners = description.mesh.element(e);
-    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-  }
-  std::ofstream(folder.path() / "body.msh") << physics::msh_text(mesh);
+  std::ofstream(folder.path() / "body.msh")
+      << physics::msh_text(test::tetrahedra_of(description.mesh));
   const bool is_hanging = !description.gravity_m_per_s2.isZero(0.0);
   const std::string held = is_hanging
                                ? fmt::format("point_m {{ z: {} }} normal {{ z: -1 }}", top_m - 1e-4)

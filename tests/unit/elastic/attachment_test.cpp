@@ -19,6 +19,7 @@
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tetrahedra_of.h"
 #include "tests/unit/elastic/random_shape.h"
 
 namespace palpate::bed {
@@ -220,15 +221,11 @@ class AttachedScene : public testing::Test {
 
   /// The stiff block of above; the part of y > 0 is the region "half".
   SceneConfig scene() {
-    TetrahedralMesh mesh;
-    const elastic::Mesh block = elastic::stiff_block();
-    mesh.nodes_m.assign(block.nodes_m.begin(), block.nodes_m.end());
+    TetrahedralMesh mesh = test::tetrahedra_of(elastic::stiff_block());
     mesh.region_names = {"rest", "half"};
-    for (std::size_t e = 0; e < block.element_count(); ++e) {
-      const auto corners = block.element(e);
-      mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
+    for (const auto& corners : mesh.tetrahedra) {
       double y = 0.0;
-      for (const std::uint32_t corner : corners) y += block.nodes_m[corner].y();
+      for (const std::uint32_t corner : corners) y += mesh.nodes_m[corner].y();
       mesh.regions.push_back(y > 0.0 ? 1 : 0);
     }
     const std::string file = folder_.write("block.msh", msh_text(mesh));

@@ -24,6 +24,7 @@
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::elastic {
 namespace {
@@ -168,12 +169,6 @@ class BladeScene : public testing::Test {
     const elastic::Mesh box = elastic::box_mesh(elastic::equal_planes(-0.03, 0.03, along),
                                                 elastic::equal_planes(-0.015, 0.015, across),
                                                 elastic::equal_planes(-0.02, 0.0, up));
-    TetrahedralMesh mesh;
-    mesh.nodes_m.assign(box.nodes_m.begin(), box.nodes_m.end());
-    for (std::size_t e = 0; e < box.element_count(); ++e) {
-      const auto corners = box.element(e);
-      mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-    }
     ElasticMaterial material{.young_pa = 20e3, .viscosity_s = 0.002};
     material.is_linear = true;
     material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0199}}};
@@ -184,7 +179,7 @@ class BladeScene : public testing::Test {
         {.name = "block",
          .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
                                   .file = folder_.write("block" + std::to_string(along) + ".msh",
-                                                        msh_text(mesh))},
+                                                        msh_text(test::tetrahedra_of(box)))},
          .material = material}};
   }
   ElasticMaterial::Pierced& pierced() {

@@ -21,6 +21,7 @@
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tetrahedra_of.h"
 #include "tests/unit/elastic/random_shape.h"
 
 namespace palpate::elastic {
@@ -148,12 +149,6 @@ class Peeled : public testing::Test {
     const elastic::Mesh box = elastic::box_mesh(
         elastic::equal_planes(0.0, kBeamLength_m, cells_along),
         elastic::equal_planes(0.0, kBeamWidth_m, 2), elastic::equal_planes(0.0, kBeamHeight_m, 2));
-    TetrahedralMesh mesh;
-    mesh.nodes_m.assign(box.nodes_m.begin(), box.nodes_m.end());
-    for (std::size_t e = 0; e < box.element_count(); ++e) {
-      const auto corners = box.element(e);
-      mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-    }
     ElasticMaterial material{.young_pa = kBeamYoung_pa, .poisson_ratio = 0.0};
     material.viscosity_s = 0.0;
     material.mass_damping_per_s = 20.0;
@@ -169,7 +164,7 @@ class Peeled : public testing::Test {
             .geometry =
                 FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
                              .file = folder_.write("beam" + std::to_string(cells_along) + ".msh",
-                                                   msh_text(mesh))},
+                                                   msh_text(test::tetrahedra_of(box)))},
             .material = material};
   }
   TempFolder folder_;

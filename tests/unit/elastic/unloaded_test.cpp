@@ -20,6 +20,7 @@
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::elastic {
 namespace {
@@ -98,14 +99,8 @@ class ScannedBlock {
   ScannedBlock(const TempFolder& folder, int cells, ElasticMaterial material) {
     const Mesh linear = box_mesh(equal_planes(-0.06, 0.06, cells), equal_planes(-0.06, 0.06, cells),
                                  equal_planes(-0.1, 0.0, cells));
-    physics::TetrahedralMesh mesh;
-    mesh.nodes_m.assign(linear.nodes_m.begin(), linear.nodes_m.end());
-    for (std::size_t e = 0; e < linear.element_count(); ++e) {
-      const auto c = linear.element(e);
-      mesh.tetrahedra.push_back({c[0], c[1], c[2], c[3]});
-    }
     const std::string file = (folder.path() / ("b" + std::to_string(cells) + ".msh")).string();
-    std::ofstream(file) << physics::msh_text(mesh);
+    std::ofstream(file) << physics::msh_text(test::tetrahedra_of(linear));
     material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0999}}};
     scene.tip_radius_m = 0.015;
     scene.tissues = {

@@ -10,6 +10,7 @@
 #include "physics_node/elastic/mesh.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::physics {
 
@@ -23,14 +24,8 @@ inline std::string box_file(const test::TempFolder& folder, const std::string& n
     planes[axis] = elastic::equal_planes(lowest_m[k], highest_m[k], cells[axis]);
   }
   const elastic::Mesh box = elastic::box_mesh(planes[0], planes[1], planes[2]);
-  TetrahedralMesh mesh;
-  for (const Vector3& node_m : box.nodes_m) mesh.nodes_m.push_back(node_m);
-  for (std::size_t e = 0; e < box.element_count(); ++e) {
-    const auto corners = box.element(e);
-    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
-  }
   const std::string file = (folder.path() / (name + ".msh")).string();
-  std::ofstream(file) << msh_text(mesh);
+  std::ofstream(file) << msh_text(test::tetrahedra_of(box));
   return file;
 }
 
