@@ -70,7 +70,7 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state
-  "mofc_node:common/core,common/coupling,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/named,mofc_node/failover,mofc_node/tissue"
+  "mofc_node:common/core,common/coupling,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/named,mofc_node/controllers/ports,mofc_node/failover,mofc_node/tissue"
   "mofc_node/failover:common/core,common/contact,mofc_node/tissue"
   "mofc_node/tissue:common/core,common/core/elastic,common/contact,common/contact/tiles,common/contact/elastic"
   "mofc_node/controllers:wave_channel.h"

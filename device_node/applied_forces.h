@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "common/core/wrist.h"
 #include "common/telemetry/device_telemetry.h"
 
 namespace palpate::device {
@@ -33,25 +35,28 @@ class AppliedForces {
   [[nodiscard]] bool has_begun() const noexcept { return has_begun_; }
 
   /// The force changes to `force` for at most `lease`; the position was read at that instant.
-  void switched(TimePoint at, const Vector3& position_m, const Vector3& force,
-                Duration lease) noexcept {
-    read(at, position_m);
+  /// @param wrist  its angles, and what acts there from then on; none: no wrist
+  void switched(TimePoint at, const Vector3& position_m, const Vector3& force, Duration lease,
+                const std::optional<WristState>& wrist = {}) noexcept {
+    read(at, position_m, wrist);
     force_ = force;
+    if (wrist) torque_newton_m_ = wrist->acting_torque_newton_m;
     lease_end_ = at + lease;
   }
 
   /// Whether the force ended by itself before `at`, and that is not yet recorded.
   [[nodiscard]] bool has_run_out(TimePoint at) const noexcept {
-    return ends_by_itself_ && lease_end_ < at && !force_.isZero(0.0);
+    return ends_by_itself_ && lease_end_ < at && is_acting();
   }
   /// The force ended by itself, and the device latched the position.
-  void ran_out(const Vector3& position_m) noexcept {
-    read(lease_end_, position_m);
-    force_.setZero();
+  void ran_out(const Vector3& position_m, const std::optional<WristState>& wrist = {}) noexcept {
+    read(lease_end_, position_m, wrist);
+    clear();
   }
 
   /// A position was read at `at`: the segment that ends there is finished.
-  void read(TimePoint at, const Vector3& position_m) noexcept {
+  void read(TimePoint at, const Vector3& position_m,
+            const std::optional<WristState>& wrist = {}) noexcept {
     run_out(at);
     if (has_outlived_its_lease(at)) return lose(at);
     end_segment(at);
@@ -59,6 +64,7 @@ class AppliedForces {
     AppliedForce& last = segments_[count_ - 1];
     if (last.until == at) {
       last.hand_position_at_end_m = position_m;
+      if (wrist) last.wrist_angle_at_end_rad = wrist->pose.angle_rad;
       last.has_position_at_end = true;
     }
   }
@@ -71,8 +77,8 @@ class AppliedForces {
     run_out(at);
     if (has_outlived_its_lease(at)) {
       lose(at);
-      force_.setZero();
-    } else if (!force_.isZero(0.0)) {
+      clear();
+    } else if (is_acting()) {
       end_force(at);
     }
   }
@@ -90,6 +96,7 @@ class AppliedForces {
     std::copy_n(segments_.begin(), count_, state.applied.begin());
     state.applied_count = count_;
     state.acting_force_on_hand_newton = force_;
+    if (state.wrist) state.wrist->acting_torque_newton_m = torque_newton_m_;
     state.acting_until = std::max(state.header.sampled_at, lease_end_);
   }
 
@@ -110,9 +117,13 @@ class AppliedForces {
   [[nodiscard]] Vector3 acting_newton(TimePoint at) const noexcept {
     return at < lease_end_ ? force_ : Vector3(Vector3::Zero());
   }
+  /// Likewise, per joint of the wrist.
+  [[nodiscard]] Vector3 acting_newton_m(TimePoint at) const noexcept {
+    return at < lease_end_ ? torque_newton_m_ : Vector3(Vector3::Zero());
+  }
   /// When the acting force ends by itself; TimePoint::max() while none acts.
   [[nodiscard]] TimePoint lease_end() const noexcept {
-    return force_.isZero(0.0) ? TimePoint::max() : lease_end_;
+    return is_acting() ? lease_end_ : TimePoint::max();
   }
 
  private:
@@ -121,7 +132,14 @@ class AppliedForces {
     if (has_run_out(at)) end_force(lease_end_);
   }
   [[nodiscard]] bool has_outlived_its_lease(TimePoint at) const noexcept {
-    return !ends_by_itself_ && lease_end_ < at && since_ < at && !force_.isZero(0.0);
+    return !ends_by_itself_ && lease_end_ < at && since_ < at && is_acting();
+  }
+  [[nodiscard]] bool is_acting() const noexcept {
+    return !force_.isZero(0.0) || !torque_newton_m_.isZero(0.0);
+  }
+  void clear() noexcept {
+    force_.setZero();
+    torque_newton_m_.setZero();
   }
   /// It is not known what acted until `at`.
   void lose(TimePoint at) noexcept {
@@ -130,13 +148,16 @@ class AppliedForces {
   }
   void end_force(TimePoint at) noexcept {
     end_segment(at);
-    force_.setZero();
+    clear();
   }
   void end_segment(TimePoint at) noexcept {
     if (at <= since_) return;
     if (count_ == kMaxAppliedForces) acknowledged(segments_[0].until);
-    segments_[count_++] = {
-        .force_on_hand_newton = force_, .from = since_, .until = at, .has_position_at_end = false};
+    segments_[count_++] = {.force_on_hand_newton = force_,
+                           .from = since_,
+                           .until = at,
+                           .has_position_at_end = false,
+                           .wrist_torque_newton_m = torque_newton_m_};
     since_ = at;
   }
 
@@ -146,6 +167,7 @@ class AppliedForces {
   bool has_begun_ = false;
   TimePoint since_{};
   Vector3 force_ = Vector3::Zero();
+  Vector3 torque_newton_m_ = Vector3::Zero();  // per joint of the wrist
   TimePoint lease_end_{};
 };
 

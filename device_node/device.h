@@ -13,6 +13,7 @@
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "common/core/wrist.h"
 #include "common/telemetry/device_telemetry.h"
 
 namespace palpate::device {
@@ -80,6 +81,15 @@ struct DeviceSample {
   /// What the device measured, by motor currents or joint torques, that its motors do now [N], D;
   /// none: it measures nothing.
   std::optional<Vector3> measured_newton = {};
+  /// Its joints, with what their motors do from this reading on; none: the device has no wrist.
+  std::optional<WristState> wrist = {};
+
+  [[nodiscard]] bool is_finite() const noexcept {
+    return hand_position_m.allFinite() && orientation.coeffs().allFinite() &&
+           applied_force_newton.allFinite() &&
+           (!wrist || (wrist->pose.angle_rad.allFinite() && wrist->pose.axes.allFinite() &&
+                       wrist->acting_torque_newton_m.allFinite()));
+  }
 };
 
 /// Why a transfer failed.
@@ -122,6 +132,12 @@ class HapticDevice {
   /// non-finite force or if the device failed.
   [[nodiscard]] virtual bool apply(const Vector3& force_on_hand_newton, Duration lease,
                                    DeviceSample& at_switch) noexcept = 0;
+
+  /// What the motors of its wrist are to do per joint [N·m] from the next apply() on, for the same
+  /// lease; zero unless given before each. A device without a wrist ignores it.
+  virtual void set_wrist_torque(const Vector3& torque_on_hand_newton_m) noexcept {
+    static_cast<void>(torque_on_hand_newton_m);
+  }
 
   /// The reading that the watchdog stored when a force ended by itself: once for each such end,
   /// after the read() or apply() that follows it. False: there is none.

@@ -318,4 +318,21 @@ void DeviceNode::release_again() noexcept {
   static_cast<void>(release_once());
 }
 
+FaultReason DeviceNode::reason_of_last(FaultReason otherwise) const noexcept {
+  switch (device_.last_error()) {
+    case DeviceError::kTimeout:
+      return FaultReason::kDeviceSilent;
+    case DeviceError::kUnplugged:
+      return FaultReason::kDeviceGone;
+    case DeviceError::kCorrupt:
+      return FaultReason::kDeviceCorrupt;
+    case DeviceError::kNotReady:
+      return FaultReason::kDeviceNotReady;
+    case DeviceError::kNone:
+    case DeviceError::kFailed:
+      break;
+  }
+  return otherwise;
+}
+
 }  // namespace palpate::device

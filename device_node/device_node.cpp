@@ -13,29 +13,6 @@ namespace {
 constexpr int kSlowSwitches = 5;
 constexpr int kFirstReleases = 5;
 
-bool is_finite(const DeviceSample& sample) {
-  return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite() &&
-         sample.applied_force_newton.allFinite();
-}
-
-/// @param otherwise  where the driver knows no more than that it failed
-FaultReason reason_of(DeviceError error, FaultReason otherwise) {
-  switch (error) {
-    case DeviceError::kTimeout:
-      return FaultReason::kDeviceSilent;
-    case DeviceError::kUnplugged:
-      return FaultReason::kDeviceGone;
-    case DeviceError::kCorrupt:
-      return FaultReason::kDeviceCorrupt;
-    case DeviceError::kNotReady:
-      return FaultReason::kDeviceNotReady;
-    case DeviceError::kNone:
-    case DeviceError::kFailed:
-      break;
-  }
-  return otherwise;
-}
-
 }  // namespace
 
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
@@ -61,7 +38,8 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
                              .turning_per_m = std::isfinite(device.specification().turning_per_m)
                                                   ? device.specification().turning_per_m
                                                   : 0.0}),  // no force then
-               journal),
+               journal,
+               config.wrist ? std::optional(ForceMonitor(wrist_as_axes(config))) : std::nullopt),
       watch_(config, device.specification().bounded_reach_m()),
       frozen_(config),
       measured_(config),
@@ -91,6 +69,7 @@ void DeviceNode::step(const Tick& tick) noexcept {
                     .sampled_at = tick.now,
                     .switched_at = tick.now,
                     .lateness = tick.now - tick.scheduled_at};
+  if (config_.wrist) record.wrist_torque_newton_m.setZero();
 
   const TimePoint next_reading = tick.scheduled_at + from_seconds(1.0 / config_.rate_hz);
   if (has_fault() || device_.phase() == DevicePhase::kConnected) {
@@ -111,14 +90,14 @@ void DeviceNode::step(const Tick& tick) noexcept {
 /// The exchange of a tick; returns the reason if it failed.
 FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noexcept {
   // an earlier stop(), or a device that was calibrated and then did not confirm its release
-  if (!is_released_) return reason_of(device_.last_error(), FaultReason::kWriteFailed);
+  if (!is_released_) return reason_of_last(FaultReason::kWriteFailed);
   if (slept_ > Duration::zero()) {
     monitor_.slept(slept_);
     return FaultReason::kSuspended;
   }
   // read: t_k
   DeviceSample sample;
-  if (!device_.read(sample)) return reason_of(device_.last_error(), FaultReason::kReadFailed);
+  if (!device_.read(sample)) return reason_of_last(FaultReason::kReadFailed);
   const FaultReason reading = judge_with_latched(sample);
   record.sampled_at = sample.sampled_at;
   if (recorded_until_ == sample.sampled_at) ++counters_.repeated_readings;
@@ -201,10 +180,12 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
 
   // switch: to the command, or to less
   const GuardedForce guarded =
-      record.is_answered ? guard_.answered(answer->value, now, applied_.acting_newton(now))
+      record.is_answered ? guard_.answered(answer->value, now, applied_.acting_newton(now),
+                                           applied_.acting_newton_m(now))
                          : guard_.missed(now, next_reading);
   record.switched_at = now;
   record.force_on_hand_newton = guarded.force_on_hand_newton;
+  if (record.has_wrist()) record.wrist_torque_newton_m = guarded.wrist_torque_newton_m;
   record.guard = guarded.state;
   record.is_peak_limited = guarded.is_limited;
   return guarded.is_switch ? switch_to(guarded, due, record) : FaultReason::kNone;
@@ -215,28 +196,34 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
   GuardedForce guarded = monitored(commanded, record);
   DeviceSample at_switch;
   const TimePoint asked_at = clock_.now();
+  device_.set_wrist_torque(guarded.wrist_torque_newton_m);
   const bool is_applied = device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch);
-  const FaultReason reason = is_applied
-                                 ? judge_with_latched(at_switch)
-                                 : reason_of(device_.last_error(), FaultReason::kWriteFailed);
+  const FaultReason reason =
+      is_applied ? judge_with_latched(at_switch) : reason_of_last(FaultReason::kWriteFailed);
   if (reason != FaultReason::kNone) {
-    if (!is_applied && !is_unbooked_) monitor_.failed(guarded.force_on_hand_newton);
-    record.force_on_hand_newton.setZero();
-    record.is_peak_limited = false;
+    if (!is_applied && !is_unbooked_) {
+      monitor_.failed(guarded.force_on_hand_newton, guarded.wrist_torque_newton_m);
+    }
+    record.clear_force();
     return reason;
   }
   slow_switches_ = at_switch.sampled_at - asked_at > config_.reply ? slow_switches_ + 1 : 0;
-  if (at_switch.applied_force_newton != guarded.force_on_hand_newton) {
+  const Vector3 made_newton_m =
+      at_switch.wrist ? at_switch.wrist->acting_torque_newton_m : guarded.wrist_torque_newton_m;
+  if (at_switch.applied_force_newton != guarded.force_on_hand_newton ||
+      made_newton_m != guarded.wrist_torque_newton_m) {
     // limited or quantised by the motors
     guarded.force_on_hand_newton = at_switch.applied_force_newton;
+    guarded.wrist_torque_newton_m = made_newton_m;
     guard_.reduced(guarded);
     record.force_on_hand_newton = guarded.force_on_hand_newton;
+    if (record.has_wrist()) record.wrist_torque_newton_m = made_newton_m;
   }
   applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
-                    guarded.lease);
+                    guarded.lease, at_switch.wrist);
   if (!is_unbooked_) {
     monitor_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
-                      guarded.lease, details_of(at_switch));
+                      guarded.lease, details_of(at_switch), at_switch.wrist);
   }
   record.switched_at = at_switch.sampled_at;
   if (!must_check_motors_ &&
@@ -251,15 +238,18 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
 /// What the monitor lets through of a force.
 GuardedForce DeviceNode::monitored(const GuardedForce& guarded, DeviceTick& record) noexcept {
   if (!config_.monitor.is_on || is_unbooked_) return guarded;
-  const ForceMonitor::Covered covered = monitor_.cover(guarded.force_on_hand_newton, guarded.lease);
+  const auto covered =
+      monitor_.cover(guarded.force_on_hand_newton, guarded.lease, guarded.wrist_torque_newton_m);
   if (!covered.is_reduced && covered.lease == guarded.lease) return guarded;
   GuardedForce less = guarded;
   less.force_on_hand_newton = covered.force_on_hand_newton;
+  less.wrist_torque_newton_m = covered.torque_newton_m;
   less.lease = covered.lease;
   guard_.reduced(less);
   if (covered.is_reduced) ++counters_.monitor_reductions;
   record.is_monitor_reduced = covered.is_reduced;
   record.force_on_hand_newton = less.force_on_hand_newton;
+  if (record.has_wrist()) record.wrist_torque_newton_m = less.wrist_torque_newton_m;
   return less;
 }
 
@@ -272,12 +262,10 @@ FaultReason DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
   ++counters_.late_switches;
   count_force(record.force_on_hand_newton);
   record.switched_at = released_at;
-  record.force_on_hand_newton.setZero();
+  record.clear_force();
   record.guard = GuardState::kLimp;
   record.is_answered = false;
-  record.is_peak_limited = false;
-  return is_released ? FaultReason::kNone
-                     : reason_of(device_.last_error(), FaultReason::kWriteFailed);
+  return is_released ? FaultReason::kNone : reason_of_last(FaultReason::kWriteFailed);
 }
 
 /// A tick of a latched fault or without a calibration: only a reading, if there is one, for the
@@ -302,7 +290,7 @@ void DeviceNode::record_unsent(DeviceTick& record) noexcept {
 
 /// Whether a hand can have made this reading after the last one.
 FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
-  if (!is_finite(sample)) return FaultReason::kReadingNotFinite;
+  if (!sample.is_finite()) return FaultReason::kReadingNotFinite;
   const bool has_earlier = judge_.has_reading();
   const Duration late = sample.skew + config_.latency;
   const bool is_possible = judge_.read(sample.sampled_at, sample.hand_position_m, late);
@@ -325,8 +313,8 @@ FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept 
       latched.sampled_at >= judge_.read_at() && latched.sampled_at <= sample.sampled_at) {
     const FaultReason reason = judge(latched);
     if (reason != FaultReason::kNone) return reason;
-    applied_.ran_out(latched.hand_position_m);
-    if (!is_unbooked_) monitor_.ended(latched.hand_position_m);
+    applied_.ran_out(latched.hand_position_m, latched.wrist);
+    if (!is_unbooked_) monitor_.ended(latched.hand_position_m, latched.wrist);
   }
   return judge(sample);
 }
@@ -356,10 +344,11 @@ const DeviceState& DeviceNode::make_state(const DeviceSample& sample,
   state.tool_orientation_world = sample.orientation;
   state.buttons = sample.buttons;
   state.is_clutched = workspace_.is_clutched();
+  state.wrist = sample.wrist;
   const ReadingDetails details = details_of(sample);
   follow_applied(sample, details);
   applied_.report_in(state);
-  monitor_.read(sample.sampled_at, sample.hand_position_m, details);
+  monitor_.read(sample.sampled_at, sample.hand_position_m, details, sample.wrist);
   if (config_.monitor.is_on) state.monitor_energy_joule = monitor_.coverable_joule();
   return state;
 }
@@ -367,7 +356,7 @@ const DeviceState& DeviceNode::make_state(const DeviceSample& sample,
 void DeviceNode::follow_applied(const DeviceSample& sample,
                                 const ReadingDetails& details) noexcept {
   if (applied_.has_begun()) {
-    applied_.read(sample.sampled_at, sample.hand_position_m);
+    applied_.read(sample.sampled_at, sample.hand_position_m, sample.wrist);
   } else {
     applied_.begin(sample.sampled_at);
   }

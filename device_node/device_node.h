@@ -162,6 +162,8 @@ class DeviceNode {
   [[nodiscard]] bool has_motor_check() const noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
   void record_unsent(DeviceTick& record) noexcept;
+  /// Of the last failure of the device. @param otherwise  where the driver knows no more than that
+  [[nodiscard]] FaultReason reason_of_last(FaultReason otherwise) const noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
   [[nodiscard]] FaultReason judge_with_latched(const DeviceSample& sample) noexcept;
   [[nodiscard]] const DeviceState& make_state(const DeviceSample& sample,

@@ -21,6 +21,7 @@ struct GuardedForce {
   bool is_limited = false;  ///< reduced by the peak or the slew limit
   /// False: do not write to the motors; the earlier command and its lease continue.
   bool is_switch = true;
+  Vector3 wrist_torque_newton_m = Vector3::Zero();  ///< per joint, likewise
 };
 
 /// @param deadline  of the tick
@@ -51,6 +52,9 @@ struct GuardedForce {
 ///   slew         beyond what already acts along its direction, the force grows by at most slew ·
 ///                the time since the last answer, one period at most; what acts may always drop
 ///
+/// So are the torques of a wrist, each joint by itself: its f_co, its peak, and its slew, from zero
+/// to the peak in 2 ms.
+///
 /// A non-finite command is treated as zero and increments non_finite_commands.
 class ForceGuard {
  public:
@@ -67,19 +71,28 @@ class ForceGuard {
         period_(from_seconds(1.0 / config.rate_hz)),
         peak_newton_(std::min(config.peak_force_newton, device_peak_newton)),
         slew_newton_per_s_(config.slew_newton_per_s),
-        coulomb_newton_(config.profile.coulomb_newton) {}
+        coulomb_newton_(config.profile.coulomb_newton),
+        wrist_(config.wrist.value_or(kNoWrist)) {}
 
   /// The answer to this tick has arrived and is applied at `now`.
-  /// @param acting_newton  acts on the hand until then, D
+  /// @param acting_newton    acts on the hand until then, D
+  /// @param acting_newton_m  likewise, per joint of the wrist
   [[nodiscard]] GuardedForce answered(const ForceCommand& command, TimePoint now,
-                                      Vector3 acting_newton) noexcept {
-    if (!has_answer_) acting_newton.setZero();  // the push of a check is no beginning
+                                      Vector3 acting_newton,
+                                      Vector3 acting_newton_m = Vector3::Zero()) noexcept {
+    if (!has_answer_) {  // the push of a check is no beginning
+      acting_newton.setZero();
+      acting_newton_m.setZero();
+    }
     GuardedForce out{.lease = std::clamp(command.valid_for, Duration::zero(), longest_lease_),
                      .state = GuardState::kAnswered};
     Vector3 force = command.force_on_hand_newton;
-    if (!force.allFinite() || out.lease == Duration::zero()) {
-      if (!force.allFinite()) ++non_finite_commands_;
+    Vector3 torque = command.wrist_torque_newton_m;
+    const bool is_finite = force.allFinite() && torque.allFinite();
+    if (!is_finite || out.lease == Duration::zero()) {
+      if (!is_finite) ++non_finite_commands_;
       force.setZero();
+      torque.setZero();
     }
     out.lease = std::max(out.lease, least_lease_);
 
@@ -95,6 +108,8 @@ class ForceGuard {
     if (now - ramp_from_ < ramp_) {
       const double share = to_seconds(now - ramp_from_) / to_seconds(ramp_);
       force = limited_to_norm(force, std::max(acting_newton.norm(), share * force.norm()));
+      torque =
+          limited_per_joint(torque, acting_newton_m.cwiseAbs().cwiseMax(share * torque.cwiseAbs()));
     }
 
     // device limits
@@ -102,10 +117,14 @@ class ForceGuard {
         std::min(peak_newton_, slew_limit_newton(force, now, acting_newton));
     out.is_limited = force.norm() > limit_newton;
     out.force_on_hand_newton = limited_to_norm(force, limit_newton);
+    out.wrist_torque_newton_m =
+        limited_per_joint(torque, torque_limit_newton_m(torque, now, acting_newton_m));
+    out.is_limited = out.is_limited || out.wrist_torque_newton_m != torque;
 
     has_answer_ = true;
     answered_at_ = now;
     answer_newton_ = out.force_on_hand_newton;
+    answer_newton_m_ = out.wrist_torque_newton_m;
     answer_lease_end_ = now + out.lease;
     return out;
   }
@@ -119,6 +138,7 @@ class ForceGuard {
     if (has_answer_ && now < answer_lease_end_ && next_reading <= answer_lease_end_) {
       out.state = GuardState::kLeased;
       out.force_on_hand_newton = answer_newton_;
+      out.wrist_torque_newton_m = answer_newton_m_;
       out.is_switch = false;
       return out;
     }
@@ -126,9 +146,13 @@ class ForceGuard {
     if (has_answer_ && silence < limp_after_ + fade_) {
       out.state = GuardState::kFallback;
       out.force_on_hand_newton = limited_to_norm(answer_newton_, coulomb_newton_);
+      out.wrist_torque_newton_m =
+          limited_per_joint(answer_newton_m_, Vector3::Constant(wrist_.coulomb_newton_m));
       if (silence >= limp_after_) {
         out.state = GuardState::kFading;
-        out.force_on_hand_newton *= 1.0 - to_seconds(silence - limp_after_) / to_seconds(fade_);
+        const double left = 1.0 - to_seconds(silence - limp_after_) / to_seconds(fade_);
+        out.force_on_hand_newton *= left;
+        out.wrist_torque_newton_m *= left;
       }
     }
     return out;
@@ -138,6 +162,7 @@ class ForceGuard {
   void reduced(const GuardedForce& less) noexcept {
     if (less.state != GuardState::kAnswered) return;
     answer_newton_ = less.force_on_hand_newton;
+    answer_newton_m_ = less.wrist_torque_newton_m;
     answer_lease_end_ = answered_at_ + less.lease;
   }
 
@@ -145,6 +170,7 @@ class ForceGuard {
   /// the next answer. No limp start, since answers keep coming. Lemma: late_switch.
   void withdraw_answer() noexcept {
     answer_newton_.setZero();
+    answer_newton_m_.setZero();
     answer_lease_end_ = answered_at_;
   }
 
@@ -164,6 +190,22 @@ class ForceGuard {
     return std::max(0.0, along_newton) + slew_newton_per_s_ * growth_s;
   }
 
+  /// Per joint, the smaller one of peak and slew. Lemma: slew.
+  [[nodiscard]] Vector3 torque_limit_newton_m(const Vector3& torque, TimePoint now,
+                                              const Vector3& acting_newton_m) const noexcept {
+    const double growth_s = to_seconds(std::min(now - answered_at_, period_));
+    const double growth_newton_m = wrist_.peak_torque_newton_m / kWristRise_s * growth_s;
+    Vector3 limit;
+    for (int i = 0; i < 3; ++i) {
+      const double along = torque[i] < 0.0 ? -acting_newton_m[i] : acting_newton_m[i];
+      limit[i] = std::min(wrist_.peak_torque_newton_m, std::max(0.0, along) + growth_newton_m);
+    }
+    return limit;
+  }
+
+  static constexpr double kWristRise_s = 2e-3;
+  static constexpr WristProfile kNoWrist{.coulomb_newton_m = 0.0, .peak_torque_newton_m = 0.0};
+
   Duration lease_;
   Duration least_lease_;
   Duration longest_lease_;
@@ -174,13 +216,15 @@ class ForceGuard {
   double peak_newton_;
   double slew_newton_per_s_;
   double coulomb_newton_;
+  WristProfile wrist_;
 
   bool has_answer_ = false;
   TimePoint answered_at_{};
   TimePoint answer_lease_end_{};
   TimePoint ramp_from_{};
   Duration ramp_{};
-  Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, after the limits
+  Vector3 answer_newton_ = Vector3::Zero();    ///< the last answer, after the limits
+  Vector3 answer_newton_m_ = Vector3::Zero();  ///< likewise
   std::uint64_t non_finite_commands_ = 0;
 };
 

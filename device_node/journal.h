@@ -160,23 +160,33 @@ class Journal final : public WireTap {
   TimePoint state_due_at_{};
 };
 
-/// A monitor whose calls are in a journal, if there is one.
+/// The monitor of the force, whose calls are in a journal if there is one; with a wrist that of its
+/// torques, too, whose are not. Force and torque pay for each other: E is the sum of both.
 class JournaledMonitor {
  public:
-  JournaledMonitor(const ForceMonitor& monitor, Journal* journal) noexcept
-      : monitor_(monitor), journal_(journal) {}
+  /// @param wrist  of wrist_as_axes(); none: no wrist
+  JournaledMonitor(const ForceMonitor& monitor, Journal* journal,
+                   const std::optional<ForceMonitor>& wrist = {}) noexcept
+      : monitor_(monitor), wrist_(wrist), journal_(journal) {}
 
-  void read(TimePoint at, const Vector3& position_m, const ReadingDetails& details) noexcept {
+  void read(TimePoint at, const Vector3& position_m, const ReadingDetails& details,
+            const std::optional<WristState>& wrist = {}) noexcept {
     monitor_.read(at, position_m, details);
+    if (wrist_ && wrist) wrist_->read(at, wrist->pose.angle_rad);
     note({.kind = JournalKind::kRead, .at = at, .position_m = position_m, .details = details});
   }
-  void ended(const Vector3& position_m) noexcept {
+  void ended(const Vector3& position_m, const std::optional<WristState>& wrist = {}) noexcept {
     monitor_.ended(position_m);
+    if (wrist_ && wrist) wrist_->ended(wrist->pose.angle_rad);
     note({.kind = JournalKind::kEnded, .position_m = position_m});
   }
   void switched(TimePoint at, const Vector3& position_m, const Vector3& force_on_hand_newton,
-                Duration lease, const ReadingDetails& details) noexcept {
+                Duration lease, const ReadingDetails& details,
+                const std::optional<WristState>& wrist = {}) noexcept {
     monitor_.switched(at, position_m, force_on_hand_newton, lease, details);
+    if (wrist_ && wrist) {
+      wrist_->switched(at, wrist->pose.angle_rad, wrist->acting_torque_newton_m, lease);
+    }
     note({.kind = JournalKind::kSwitched,
           .at = at,
           .position_m = position_m,
@@ -184,50 +194,78 @@ class JournaledMonitor {
           .lease = lease,
           .details = details});
   }
-  void failed(const Vector3& force_on_hand_newton) noexcept {
+  void failed(const Vector3& force_on_hand_newton, const Vector3& torque_newton_m) noexcept {
     monitor_.failed(force_on_hand_newton);
+    if (wrist_) wrist_->failed(torque_newton_m);
     note({.kind = JournalKind::kFailed, .force_newton = force_on_hand_newton});
   }
   void released(TimePoint at) noexcept {
     monitor_.released(at);
+    if (wrist_) wrist_->released(at);
     note({.kind = JournalKind::kReleased, .at = at});
   }
   void slept(Duration duration) noexcept {
     monitor_.slept(duration);
+    if (wrist_) wrist_->slept(duration);
     note({.kind = JournalKind::kSlept, .lease = duration});
   }
   void lost() noexcept {
+    if (wrist_) {
+      // a debt stays, of both together
+      monitor_.set_credit(std::min(0.0, monitor_.credit_joule() + wrist_->credit_joule()));
+      wrist_->set_credit(0.0);
+      wrist_->lost();
+    }
     monitor_.lost();
     note({.kind = JournalKind::kLost});
   }
   void begins_within(Duration within) noexcept {
     monitor_.begins_within(within);
+    if (wrist_) wrist_->begins_within(within);
     note({.kind = JournalKind::kWithin, .lease = within});
   }
-  [[nodiscard]] ForceMonitor::Covered cover(const Vector3& force_on_hand_newton,
-                                            Duration lease) noexcept {
-    ForceMonitor::Covered covered = monitor_.cover(force_on_hand_newton, lease);
+  struct Covered : ForceMonitor::Covered {
+    Vector3 torque_newton_m = Vector3::Zero();
+  };
+  /// Both for the same lease; what is left of the credit is the torque's.
+  [[nodiscard]] Covered cover(const Vector3& force_on_hand_newton, Duration lease,
+                              const Vector3& torque_newton_m) noexcept {
+    if (wrist_) {
+      monitor_.set_credit(monitor_.credit_joule() + wrist_->credit_joule());
+      wrist_->set_credit(0.0);
+    }
+    Covered covered{monitor_.cover(force_on_hand_newton, lease), torque_newton_m};
     note({.kind = JournalKind::kCover,
           .force_newton = force_on_hand_newton,
           .lease = lease,
           .is_good = !covered.is_reduced,
           .covered_newton = covered.force_on_hand_newton,
           .covered_lease = covered.lease});
+    if (!wrist_) return covered;
+    wrist_->set_credit(monitor_.credit_joule());
+    monitor_.set_credit(0.0);
+    const ForceMonitor::Covered turning = wrist_->cover(torque_newton_m, covered.lease);
+    covered.torque_newton_m = turning.force_on_hand_newton;
+    covered.lease = turning.lease;
+    covered.is_reduced = covered.is_reduced || turning.is_reduced;
     return covered;
   }
   [[nodiscard]] double joule() const noexcept { return monitor_.joule(); }
   [[nodiscard]] bool is_account_plausible() const noexcept {
-    return monitor_.is_account_plausible();
+    return monitor_.is_account_plausible() && (!wrist_ || wrist_->is_account_plausible());
   }
   [[nodiscard]] bool is_ledger_plausible(double ledger_joule) noexcept {
-    const bool is_plausible = monitor_.is_ledger_plausible(ledger_joule);
+    const bool is_plausible =
+        monitor_.is_ledger_plausible(ledger_joule, wrist_ ? wrist_->account_at_most_joule() : 0.0);
     // NaN: this clamp counts on nothing
     if (!std::isnan(ledger_joule)) {
       note({.kind = JournalKind::kLedger, .is_good = is_plausible, .ledger_joule = ledger_joule});
     }
     return is_plausible;
   }
-  [[nodiscard]] double coverable_joule() const noexcept { return monitor_.coverable_joule(); }
+  [[nodiscard]] double coverable_joule() const noexcept {
+    return monitor_.coverable_joule() + (wrist_ ? wrist_->coverable_joule() : 0.0);
+  }
   [[nodiscard]] const ForceMonitor& monitor() const noexcept { return monitor_; }
 
  private:
@@ -238,6 +276,7 @@ class JournaledMonitor {
   }
 
   ForceMonitor monitor_;
+  std::optional<ForceMonitor> wrist_;
   Journal* journal_;
 };
 

@@ -41,6 +41,8 @@ DeviceEcho::Report DeviceEcho::take(const DeviceState& state) noexcept {
     if (requested) rendered_.add(stretch_s, *requested, applied.force_on_hand_newton);
   }
   report.applied = {segments_.data(), count};
+  // those that were skipped came first
+  report.reported = std::span(state.applied).subspan(state.applied_count - count, count);
   if (duration_s > 0.0) report.mean_force_newton = impulse / duration_s;
 
   // Only an echo that ends at its own reading can be continued: an older one was repeated. The

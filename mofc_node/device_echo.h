@@ -23,6 +23,8 @@ class DeviceEcho {
   struct Report {
     /// Valid until the next take(). Two readings with equal stamps have none between them.
     std::span<const controllers::AppliedStretch> applied;
+    /// The same stretches in the state itself; valid as long as that is.
+    std::span<const AppliedForce> reported;
     Vector3 mean_force_newton = Vector3::Zero();  ///< time average over `applied`; 0 without it
     bool has_gap = false;  ///< it is not known what acted since the state that came before
     /// Device time since the newest reading whose answer has arrived; 0 in the first state. More

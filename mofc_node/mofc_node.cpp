@@ -47,7 +47,11 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
       gone_after_(std::max(mofc.stale_after, mofc.still_after) + mofc.fade),
       fade_time_(mofc.fade),
       fade_(mofc.stale_after, mofc.fade),
+      torque_fade_(mofc.stale_after, mofc.fade),
       period_(from_seconds(1.0 / device.rate_hz)) {
+  if (device.wrist && mofc.controller != ControllerKind::kNone) {
+    wrench_.emplace(mofc, device, *device.wrist);
+  }
   if (!standby) return;
   standby_.emplace(standby->interaction_in, clock, Duration::zero(), mofc.stale_after);
   relay_.relay_to_standby(standby->motion_out);
@@ -85,22 +89,36 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
 
   // the clamp; the tissue's energy as the hand would get it: force × force_ratio, motion ÷
   // scale_ratio
-  const controllers::ControlOutput output = controller_->step(
-      {.hand_position_m = state.hand_position_m,
-       .applied = echo.applied,
-       .has_gap = echo.has_gap,
-       .acting_force_on_hand_newton = state.acting_force_on_hand_newton,
-       .acting_lease_s = to_seconds(state.acting_until - state.header.sampled_at),
-       .energy_limit_joule = state.monitor_energy_joule,
-       .requested_force_on_hand_newton = requested,
-       .is_request_fresh = is_fresh(physics.interaction),
-       .stored_energy_joule =
-           wanted.tissue.stored_energy_joule * workspace.force_ratio / workspace.scale_ratio,
-       .hand_velocity_m_per_s = relay_.tool_velocity_world_m_per_s() / workspace.scale_ratio,
-       .evaluated_at_m = has_model ? state.hand_position_m : probe.evaluated_at_m(),
-       .surface_normal = probe.surface_normal(),
-       .tissue = has_model ? &probe : nullptr,
-       .returned_wave = state.is_clutched ? nullptr : &returned});
+  const controllers::ControlInput input{
+      .hand_position_m = state.hand_position_m,
+      .applied = echo.applied,
+      .has_gap = echo.has_gap,
+      .acting_force_on_hand_newton = state.acting_force_on_hand_newton,
+      .acting_lease_s = to_seconds(state.acting_until - state.header.sampled_at),
+      .energy_limit_joule = state.monitor_energy_joule,
+      .requested_force_on_hand_newton = requested,
+      .is_request_fresh = is_fresh(physics.interaction),
+      .stored_energy_joule =
+          wanted.tissue.stored_energy_joule * workspace.force_ratio / workspace.scale_ratio,
+      .hand_velocity_m_per_s = relay_.tool_velocity_world_m_per_s() / workspace.scale_ratio,
+      .evaluated_at_m = has_model ? state.hand_position_m : probe.evaluated_at_m(),
+      .surface_normal = probe.surface_normal(),
+      .tissue = has_model ? &probe : nullptr,
+      .returned_wave = state.is_clutched ? nullptr : &returned};
+  // with a wrist the torque too, per joint
+  Vector3 requested_newton_m = Vector3::Constant(kNaN);
+  WrenchClamp::Output wrench;
+  if (state.wrist) {
+    requested_newton_m = workspace.force_ratio / workspace.scale_ratio *
+                         state.wrist->pose.axes.transpose() * wanted.tissue.torque_on_tool_newton_m;
+    wrench.wrist_torque_newton_m = requested_newton_m;
+  }
+  if (state.wrist && wrench_) {
+    wrench = wrench_->step(input, state, echo.reported, requested_newton_m);
+  } else {
+    wrench.force = controller_->step(input);
+  }
+  const controllers::ControlOutput& output = wrench.force;
   Wave sent = scaled(output.sent_wave, workspace.scale_ratio, workspace.force_ratio);
   sent.stream = wave_stream_;
   relay_.carry(sent);
@@ -109,10 +127,18 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const Vector3 punctual =
       physics.is_late ? limited_to_norm(output.force_on_hand_newton, device_.profile.coulomb_newton)
                       : output.force_on_hand_newton;
+  if (physics.is_late && device_.wrist) {
+    wrench.wrist_torque_newton_m = limited_per_joint(
+        wrench.wrist_torque_newton_m, Vector3::Constant(device_.wrist->coulomb_newton_m));
+  }
   const bool needs_no_news =
       physics.is_stepping && physics.silence <= std::min(still_after_, tissue_.holds_for());
   const SilenceFade::Output faded =
       fade_.step(punctual, physics.silence, needs_no_news, physics.lost_for, now);
+  wrench.wrist_torque_newton_m =
+      torque_fade_
+          .step(wrench.wrist_torque_newton_m, physics.silence, needs_no_news, physics.lost_for, now)
+          .force_newton;
   echo_.answered(requested);
 
   // the record of this turn
@@ -123,6 +149,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
            .device_sequence = state.header.sequence,
            .device_sampled_at = state.header.sampled_at,
            .requested_force_on_hand_newton = requested,
+           .requested_wrist_torque_newton_m = requested_newton_m,
            .commanded_force_on_hand_newton = faded.force_newton,
            .f_max_newton = output.f_max_newton,
            .ledger_energy_joule = output.ledger_energy_joule,
@@ -138,6 +165,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
   ForceCommand command = make_command(state, faded.force_newton, lease, now);
   command.begins_within = from_seconds(output.begins_within_s);
+  command.wrist_torque_newton_m = wrench.wrist_torque_newton_m;
   command.counted_energy_joule = output.counted_energy_joule;
   return command;
 }
@@ -179,6 +207,7 @@ MofcCounters MofcNode::counters() const noexcept {
 
 void MofcNode::begin_device_session() noexcept {
   controller_->reset();
+  if (wrench_) wrench_->reset();
   relay_.reset();
   choice_.begin_session();
   tissue_.reset();

@@ -47,6 +47,7 @@
 #include "mofc_node/motion_relay.h"
 #include "mofc_node/physics_input.h"
 #include "mofc_node/silence_fade.h"
+#include "mofc_node/wrench_clamp.h"
 
 namespace palpate::mofc {
 
@@ -113,10 +114,12 @@ class MofcNode {
   std::array<const Interaction*, kPhysicsRoles> newest_{};  // of this turn
   TissuePair tissue_;
   std::unique_ptr<controllers::ForceController> controller_;
+  std::optional<WrenchClamp> wrench_;  // instead, with a wrist
   Duration still_after_;
   Duration gone_after_;  // of silence: the force has faded
   Duration fade_time_;
   SilenceFade fade_;
+  SilenceFade torque_fade_;  // of the wrist
 
   Duration period_;                     // of the device
   std::optional<TimePoint> disturbed_;  // newest reading that something disturbed

@@ -27,6 +27,7 @@ void MotionRelay::update(const DeviceState& state, const Vector3& mean_force_new
   motion_.tool_velocity_world_m_per_s =
       velocity_->update(state.tool_position_world_m, state.header.sampled_at, mean_force_newton);
   motion_.buttons = state.buttons;
+  motion_.wants_torque = state.wrist.has_value();
   is_pending_ = true;
 }
 

@@ -13,9 +13,16 @@ double stiffness_along_normal(const Contact& contact) noexcept {
   return -contact.normal_world.dot(contact.d_force_d_position * contact.normal_world);
 }
 
+/// For a receiver whose device renders no torque: nobody needs to know where contacts act.
+void leave_out_torque(Interaction& answer) noexcept {
+  answer.torque_on_tool_newton_m.setZero();
+  for (std::size_t i = 0; i < answer.listed_count; ++i) answer.contacts[i].arm_m.setZero();
+}
+
 /// What the engine filled in at the last step.
 void clear(Interaction& answer) noexcept {
   answer.force_on_tool_newton.setZero();
+  answer.torque_on_tool_newton_m.setZero();
   answer.stored_energy_joule = 0.0;
   answer.listed_count = answer.contact_count = 0;
   SurfaceNews& news = answer.surface;
@@ -80,6 +87,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   const bool has_answer = engine_.step(motion, is_new, tick.now, interaction);
   engine_.count_into(counters_);
   if (!has_answer) return;
+  if (!motion.wants_torque) leave_out_torque(interaction);
   waves_.answer(interaction);
   send(interaction, motion);
 

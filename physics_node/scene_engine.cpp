@@ -39,8 +39,10 @@ void reduce_to_range(Interaction& interaction) noexcept {
         std::min(contact.hunt_crossley_stiffness_newton_per_m, kMaxStiffnessNewtonPerM);
     contact.stored_energy_joule = std::min(contact.stored_energy_joule, kMaxStoredEnergyJoule);
     contact.grip.slip_newton = std::min(contact.grip.slip_newton, kMaxTissueForceNewton);
+    reduce(contact.arm_m, kLongest_m);
   }
   reduce(interaction.force_on_tool_newton, kMaxTissueForceNewton);
+  reduce(interaction.torque_on_tool_newton_m, kMaxTissueForceNewton);
   interaction.stored_energy_joule =
       std::min(interaction.stored_energy_joule, kMaxStoredEnergyJoule);
 }
@@ -96,6 +98,7 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
                                        .is_energised = is_energised(motion, elastic)},
                                       time_s);
   answer.force_on_tool_newton = force.force_on_tool_newton;
+  answer.torque_on_tool_newton_m = force.torque_on_tool_newton_m;
   answer.stored_energy_joule = force.stored_energy_joule;
   std::copy_n(force.contacts.begin(), force.listed_count, answer.contacts.begin());
   answer.listed_count = force.listed_count;

@@ -135,10 +135,8 @@ ModelForce law(const Contact& contact, const Place& place, const Vector3& veloci
   return {f, std::max(0.0, elastic + stretched), true};
 }
 
-}  // namespace
-
-ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
-                    const Vector3& velocity_m_per_s, double age_s) noexcept {
+ModelForce without_arm(const Contact& contact, const Vector3& displacement_m,
+                       const Vector3& velocity_m_per_s, double age_s) noexcept {
   const Vector3 d = displacement_m - age_s * contact.surface_velocity_world_m_per_s;
   const Vector3 v = velocity_m_per_s - contact.surface_velocity_world_m_per_s;
   const Place place = place_of(contact, d);
@@ -157,6 +155,15 @@ ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
   return force;
 }
 
+}  // namespace
+
+ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
+                    const Vector3& velocity_m_per_s, double age_s) noexcept {
+  ModelForce force = without_arm(contact, displacement_m, velocity_m_per_s, age_s);
+  force.torque_on_tool_newton_m = contact.arm_m.cross(force.force_on_tool_newton);
+  return force;
+}
+
 ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position_world_m,
                     const Vector3& tool_velocity_world_m_per_s, double age_s,
                     std::span<const TissueShare> shares) noexcept {
@@ -172,18 +179,21 @@ ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position
     const bool is_held = contact.grip.number != 0;
     const double weight = is_held ? 0.0 : other != shares.end() ? 1.0 - other->share : 1.0;
     if (weight > 0.0) {
-      const ModelForce one = evaluate(contact, d, tool_velocity_world_m_per_s, age_s);
-      sum.force_on_tool_newton += weight * one.force_on_tool_newton;
-      sum.stored_energy_joule += weight * one.stored_energy_joule;
-      sum.is_touching = sum.is_touching || one.is_touching;
+      sum.add(weight, evaluate(contact, d, tool_velocity_world_m_per_s, age_s));
     }
-    if (!is_all_listed) sum.force_on_tool_newton -= contact.force_on_tool_newton;
+    if (!is_all_listed) {
+      sum.force_on_tool_newton -= contact.force_on_tool_newton;
+      sum.torque_on_tool_newton_m -= contact.arm_m.cross(contact.force_on_tool_newton);
+    }
     if (!is_all_listed && contact.penetration_m > 0.0) {
       sum.stored_energy_joule -= contact.stored_energy_joule;
     }
   }
   sum.stored_energy_joule = std::max(0.0, sum.stored_energy_joule);
-  if (!sum.force_on_tool_newton.allFinite() || !std::isfinite(sum.stored_energy_joule)) return {};
+  if (!sum.force_on_tool_newton.allFinite() || !std::isfinite(sum.stored_energy_joule) ||
+      !sum.torque_on_tool_newton_m.allFinite()) {
+    return {};
+  }
   return sum;
 }
 
@@ -196,17 +206,14 @@ ModelForce evaluate_tissue(const Interaction& interaction, std::uint32_t tissue,
     if (interaction.contacts[i].tissue != tissue || interaction.contacts[i].grip.number != 0) {
       continue;
     }
-    const ModelForce one = evaluate(interaction.contacts[i], d, tool_velocity_world_m_per_s, age_s);
-    sum.force_on_tool_newton += one.force_on_tool_newton;
-    sum.stored_energy_joule += one.stored_energy_joule;
-    sum.is_touching = sum.is_touching || one.is_touching;
+    sum.add(1.0, evaluate(interaction.contacts[i], d, tool_velocity_world_m_per_s, age_s));
   }
   return sum;
 }
 
 ModelForce held(const Interaction& interaction) noexcept {
   return {interaction.force_on_tool_newton, interaction.stored_energy_joule,
-          interaction.contact_count > 0};
+          interaction.contact_count > 0, interaction.torque_on_tool_newton_m};
 }
 
 }  // namespace palpate

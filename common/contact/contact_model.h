@@ -39,6 +39,15 @@ struct ModelForce {
   Vector3 force_on_tool_newton = Vector3::Zero();
   double stored_energy_joule = 0.0;  ///< ≥ 0
   bool is_touching = false;
+  Vector3 torque_on_tool_newton_m = Vector3::Zero();  ///< about the tip
+
+  /// Adds a share of another one.
+  void add(double share, const ModelForce& other) noexcept {
+    force_on_tool_newton += share * other.force_on_tool_newton;
+    torque_on_tool_newton_m += share * other.torque_on_tool_newton_m;
+    stored_energy_joule += share * other.stored_energy_joule;
+    is_touching = is_touching || other.is_touching;
+  }
 };
 
 /// The contact at a tool displaced by `displacement_m` from the reference and moving at
@@ -46,6 +55,7 @@ struct ModelForce {
 ///
 /// Beyond the trust radius the tissue is as at its edge, but never presses harder than the surface,
 /// continued, would let it: min(1, p/p_edge) of the force there, 0 once that surface is left.
+/// The force acts at the end of the contact's arm, which moves along with the tool without turning.
 /// Finite input gives a finite force unless numbers overflow. No allocation, no throw.
 [[nodiscard]] ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
                                   const Vector3& velocity_m_per_s, double age_s) noexcept;

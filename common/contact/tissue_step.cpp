@@ -104,6 +104,7 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double r
                     start_m, search, proxy.hint);
   if (along_m < 0.0) return false;
 
+  shaft.arm_m = along_m * shaft_;
   const Vector3 point_m = tip_m_ + along_m * shaft_;
   const Vector3 last_point_m = last_tip_m_ + along_m * last_shaft_;
   moved_m = point_m - last_point_m;
@@ -132,6 +133,9 @@ Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material, 
   contact.is_shaft = touch.is_shaft;
   contact.is_behind = touch.proxy.side < 0.0;
   contact.is_punctured = touch.is_punctured;
+  // a tip in punctured tissue is dragged as a whole
+  contact.arm_m = touch.arm_m;
+  if (!touch.is_punctured) contact.arm_m -= touch.radius_m * contact.normal_world;
   if (touch.is_punctured) contact.stretch_m = touch.stretch_m;
   contact.held_m = touch.proxy.place_m - touch.proxy.point_m;
   contact.relaxed_m = relaxed_m;

@@ -18,7 +18,8 @@ struct Touch {
   bool is_shaft = false;  ///< else the tip
   bool is_rubbed = false;
   bool is_punctured = false;
-  double radius_m = 0.0;  ///< of the sphere
+  double radius_m = 0.0;            ///< of the sphere
+  Vector3 arm_m = Vector3::Zero();  ///< from the tip to its centre; W
   Proxy proxy{};
   Vector3 stretch_m = Vector3::Zero();  ///< of the spring of friction, or of the drag; W
 

@@ -22,6 +22,7 @@
 #include "common/core/time.h"
 #include "common/core/tissue.h"
 #include "common/core/vector.h"
+#include "common/core/wrist.h"
 #include "common/coupling/wave_channel.h"
 
 namespace palpate {
@@ -42,6 +43,9 @@ struct AppliedForce {
   /// controller or a release of the motors ends the force, the position is not read.
   Vector3 hand_position_at_end_m = Vector3::Zero();
   bool has_position_at_end = true;
+  // only with a wrist, per joint
+  Vector3 wrist_torque_newton_m = Vector3::Zero();   ///< on the hand
+  Vector3 wrist_angle_at_end_rad = Vector3::Zero();  ///< valid as the position is
 };
 inline constexpr std::size_t kMaxAppliedForces = 64;
 
@@ -65,6 +69,8 @@ struct DeviceState {
   TimePoint acting_until{};  ///< its lease ends then, unless another force replaces it before
   /// M(k) of the monitor, which reduces what this does not cover; infinite: there is none.
   double monitor_energy_joule = std::numeric_limits<double>::infinity();
+
+  std::optional<WristState> wrist{};  ///< none: the device gives no torque
 };
 
 /// Hop 4, mofc → device: the answer to one DeviceState.
@@ -82,6 +88,7 @@ struct ForceCommand {
   /// What the clamp counts of the energy that the hand has put in, before it regards
   /// monitor_energy_joule; NaN: it keeps no lower bound of it.
   double counted_energy_joule = std::numeric_limits<double>::quiet_NaN();
+  Vector3 wrist_torque_newton_m = Vector3::Zero();  ///< on the hand, per joint; with a wrist
 };
 
 /// What mofc_node did to the tissue in the jaws.
@@ -114,6 +121,7 @@ struct ToolMotion {
 
   Wave wave{};                       ///< with wave variables: towards the tissue, W
   std::optional<GripReport> grip{};  ///< none: nothing is held, or physics' own slip counts
+  bool wants_torque = false;         ///< the device can render it: contacts say where they act
 };
 
 /// How a needle yields along its hole, or a blade along its cut (contact/elastic/grip.h). Its depth
@@ -185,6 +193,7 @@ struct Contact {
   double relaxed_m = 0.0;            ///< penetration that the tissue has relaxed to
   /// The jaws hold it: adhesive, flat, touching; K symmetric and −K positive definite.
   Grip grip{};
+  Vector3 arm_m = Vector3::Zero();  ///< from the tip to where the force acts, at the reference
 };
 inline constexpr std::size_t kMaxContacts = 8;
 
@@ -212,6 +221,8 @@ struct Interaction {
   std::uint64_t steps = 0;         ///< of this physics so far; 0: it does not report them
 
   Wave wave{};  ///< with wave variables: back to the hand, W; of the stream that it answers
+  /// About the tip, W, sum over all tissues; where the tool motion wants it.
+  Vector3 torque_on_tool_newton_m = Vector3::Zero();
 };
 
 /// How mofc_node uses an Interaction until the next one arrives.
@@ -250,6 +261,7 @@ inline void copy_message(const DeviceState& from, DeviceState& to) noexcept {
   to.acting_force_on_hand_newton = from.acting_force_on_hand_newton;
   to.acting_until = from.acting_until;
   to.monitor_energy_joule = from.monitor_energy_joule;
+  to.wrist = from.wrist;
 }
 
 inline void copy_message(const SurfaceNews& from, SurfaceNews& to) noexcept {
@@ -294,6 +306,7 @@ inline void copy_without_news(const Interaction& from, Interaction& to) noexcept
   to.scene_ahead = from.scene_ahead;
   to.steps = from.steps;
   to.wave = from.wave;
+  to.torque_on_tool_newton_m = from.torque_on_tool_newton_m;
 }
 
 inline void copy_message(const Interaction& from, Interaction& to) noexcept {

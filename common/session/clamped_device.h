@@ -2,6 +2,8 @@
 // clamped_device.h — what mofc_node knows of the device whose force it limits.
 #pragma once
 
+#include <optional>
+
 #include "common/core/time.h"
 #include "common/core/workspace_map.h"
 #include "common/session/device_profile.h"
@@ -12,6 +14,7 @@ struct DeviceConfig;
 
 struct ClampedDevice {
   DeviceProfile profile{};
+  std::optional<WristProfile> wrist{};  ///< none: the device gives no torque
   WorkspaceConfig workspace{};
   Duration lease{};                ///< T_hold: every command may act that long
   Duration longest_lease{};        ///< and none longer

@@ -16,6 +16,14 @@ struct MonitorConfig {
   bool is_on = true;
   /// Fastest hand that the session's controller assumes; infinite: it assumes none.
   double v_max_m_per_s = 0.5;
+  /// It is that of each axis by itself, as of joints; false: of the hand in space.
+  bool is_v_max_per_axis = false;
+
+  /// No hand is faster, all axes together.
+  [[nodiscard]] double fastest_m_per_s() const noexcept {
+    constexpr double kSqrt3 = 1.7320508075688773;
+    return is_v_max_per_axis ? kSqrt3 * v_max_m_per_s : v_max_m_per_s;
+  }
 };
 
 struct DeviceConfig {
@@ -32,6 +40,7 @@ struct DeviceConfig {
   double v_fault_m_per_s = 10.0;   ///< faster motion is an encoder fault
   WorkspaceConfig workspace;
   DeviceProfile profile;
+  std::optional<WristProfile> wrist = {};  ///< none: the device gives no torque
   MonitorConfig monitor;
   /// Force only while this button is held; none: no such button.
   std::optional<std::uint32_t> dead_man_button = {};

@@ -23,4 +23,13 @@ struct DeviceProfile {
   std::optional<FrictionPerAxis> per_axis = {};
 };
 
+/// Three joints of the handle, all alike (core/wrist.h), as the clamp may count on them.
+struct WristProfile {
+  double viscous_newton_m_s_per_rad = 2e-4;  ///< f_d, at least
+  double coulomb_newton_m = 2e-3;            ///< f_co, at least
+  double angle_resolution_rad = 1e-4;        ///< q
+  double peak_torque_newton_m = 0.2;
+  double v_max_rad_per_s = 6.0;  ///< the hand turns no joint faster
+};
+
 }  // namespace palpate

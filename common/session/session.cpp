@@ -59,6 +59,7 @@ std::string with_side(const std::string& side, const std::string& name) {
 
 ClampedDevice clamped_device(const DeviceConfig& device) {
   return {.profile = device.profile,
+          .wrist = device.wrist,
           .workspace = device.workspace,
           .lease = device.lease,
           .longest_lease = device.longest_lease,

@@ -17,6 +17,15 @@ namespace palpate {
 /// Half the workspace of the simulated device, D.
 inline const Vector3 kSimulatedHalfExtent_m{0.08, 0.06, 0.035};
 
+/// The true values of each joint of a simulated wrist.
+struct SimulatedWristConfig {
+  double inertia_kg_m2 = 2e-5;
+  double viscous_newton_m_s_per_rad = 2e-4;
+  double coulomb_newton_m = 2e-3;
+  double angle_resolution_rad = 1e-4;  ///< 0: exact
+  double peak_torque_newton_m = 0.2;
+};
+
 /// True values of a simulated device; the controller sees only the profile.
 struct SimulatedDeviceConfig {
   double mass_kg = 0.045;
@@ -27,6 +36,7 @@ struct SimulatedDeviceConfig {
   double peak_force_newton = 3.3;
   bool has_position_latch = false;                      ///< of the motors' watchdog
   Duration inner_step = std::chrono::microseconds(50);  ///< longest integration step
+  std::optional<SimulatedWristConfig> wrist = {};
 };
 
 /// The V of the paper: free motion above the tissue, down one leg, up the other.
@@ -75,6 +85,14 @@ struct ButtonPress {
   double until_s = 0.0;
 };
 
+/// On each joint of a wrist an inertia, coupled to the intended angle by spring and damper.
+struct HandWristConfig {
+  double inertia_kg_m2 = 1e-4;
+  double stiffness_newton_m_per_rad = 0.6;
+  double damping_newton_m_s_per_rad = 0.008;
+  PathConfig path = HoldPath{};  ///< of the angles: rad for m
+};
+
 /// A mass coupled to the intended path by spring and damper, docs/theory.md §6.
 struct HandConfig {
   double mass_kg = 0.255;
@@ -83,6 +101,7 @@ struct HandConfig {
   PathConfig path = HoldPath{};
   std::vector<ButtonPress> presses{};
   std::optional<PointerConfig> pointer{};  ///< none: the hand follows its path only
+  HandWristConfig wrist{};                 ///< used where the device has one
 };
 
 }  // namespace palpate

@@ -19,12 +19,13 @@ constexpr const char* kHeader =
     "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
     "f_max_x,f_max_y,f_max_z,energy_j,true_energy_j,force_age_s,"
     "in_contact,clamped,fallback,peak_limited,"
-    "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s,grip\n";
+    "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s,grip";
+constexpr const char* kWristHeader = ",a_1,a_2,a_3,te_1,te_2,te_3,ts_1,ts_2,ts_3,ti_1,ti_2,ti_3";
 
 // One write to the file per this many bytes, about a thousand rows.
 constexpr std::size_t kBufferBytes = 1U << 18U;
-// 30 numbers of at most 24 characters, 4 flags and the commas.
-constexpr std::size_t kMaxRowBytes = 1024;
+// 50 numbers of at most 24 characters, 4 flags and the commas.
+constexpr std::size_t kMaxRowBytes = 1536;
 
 // Appends to a row; every field but the first is preceded by a comma.
 class RowText {
@@ -107,13 +108,24 @@ std::string csv_file_of(const std::string& file, const std::string& side) {
 CsvWriter::CsvWriter(const std::string& path, bool may_overwrite, OutputFile::Kind kind)
     : file_("csv file", path, kind, may_overwrite) {
   buffer_.reserve(kBufferBytes + kMaxRowBytes);
-  buffer_ = kHeader;
 }
 
-CsvWriter::~CsvWriter() { flush(); }
+CsvWriter::~CsvWriter() {
+  begin(false);
+  flush();
+}
+
+void CsvWriter::begin(bool has_wrist) {
+  if (std::exchange(has_begun_, true)) return;
+  has_wrist_ = has_wrist;
+  buffer_ = kHeader;
+  if (has_wrist) buffer_ += kWristHeader;
+  buffer_ += '\n';
+}
 
 void CsvWriter::write(const TickRow& row) {
   if (!file_.is_open()) return;
+  begin(row.device.has_wrist());
   if (row.device_session_id != device_session_id_) {
     device_session_id_ = row.device_session_id;
     was_answered_ = false;
@@ -148,6 +160,12 @@ void CsvWriter::write(const TickRow& row) {
     text.number(row.to_ideal ? integral : kNaN);
   }
   text.number(mofc ? static_cast<double>(mofc->grip) : kNaN);
+  if (has_wrist_) {
+    text.vector(row.device.true_wrist_angle_rad);
+    text.vector(mofc ? mofc->requested_wrist_torque_newton_m : unknown);
+    text.vector(row.device.wrist_torque_newton_m);
+    text.vector(row.ideal_wrist_torque_newton_m);
+  }
   text.append_to(buffer_);
 
   if (buffer_.size() >= kBufferBytes) flush();
@@ -159,6 +177,7 @@ void CsvWriter::flush() {
 }
 
 void CsvWriter::close() {
+  begin(false);
   flush();
   file_.close();
 }

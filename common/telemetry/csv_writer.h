@@ -33,6 +33,8 @@ namespace palpate {
 ///   energy_j             the controller's ledger          true_energy_j   of a simulated device
 ///   force_age_s          of the requested force; nan before physics reports
 ///   in_contact clamped fallback peak_limited    1 or 0
+///   a_1 a_2 a_3 te_1 …   only with a wrist, per joint: true angle, then requested torque,
+///   ts_1 … ti_1 …        applied torque and ideal torque, as fe, fs and fi
 ///
 /// `clamped`: by mofc_node only. `fallback`: the device applied less than the commanded force
 /// because an answer was missing or a fault was latched (fallback, fading, limp or fault), after at
@@ -41,7 +43,8 @@ namespace palpate {
 /// Numbers are the shortest text that parses to the same double; independent of the locale.
 class CsvWriter {
  public:
-  /// Begins with the header row. Throws SetupError like OutputFile.
+  /// Begins with the header row, once the first row shows whether there is a wrist. Throws
+  /// SetupError like OutputFile.
   explicit CsvWriter(const std::string& path, bool may_overwrite = false,
                      OutputFile::Kind kind = OutputFile::Kind::kStream);
   /// Writes the rest of the buffer to a kStream; call close() first to detect errors.
@@ -62,7 +65,11 @@ class CsvWriter {
   [[nodiscard]] std::optional<std::string> take_error();
 
  private:
+  void begin(bool has_wrist);
+
   OutputFile file_;
+  bool has_begun_ = false;
+  bool has_wrist_ = false;
   std::string buffer_;
   bool has_given_error_ = false;
   std::uint64_t device_session_id_ = 0;

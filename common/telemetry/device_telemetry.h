@@ -80,6 +80,8 @@ struct DeviceTick {
   Vector3 measured_tool_position_world_m = Vector3::Zero();
   Quaternion measured_tool_orientation_world = Quaternion::Identity();  ///< W from T; likewise
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, acting from switched_at on
+  /// Likewise, per joint of the wrist; NaN without one.
+  Vector3 wrist_torque_newton_m = Vector3::Constant(kNaN);
   /// What acted from the instant of the previous record until t_k, in order of time, without gaps:
   /// each lease that ended is the end of one of them. None in the first record, and in recordings
   /// of versions that did not keep them.
@@ -95,8 +97,20 @@ struct DeviceTick {
   /// Simulated devices only; NaN otherwise. The controller never sees these.
   Vector3 true_tool_position_world_m = Vector3::Constant(kNaN);
   Vector3 true_tool_velocity_world_m_per_s = Vector3::Constant(kNaN);
-  double true_energy_joule = kNaN;          ///< docs/theory.md §1, at t_k
-  double minimum_true_energy_joule = kNaN;  ///< over all inner steps so far
+  double true_energy_joule = kNaN;                         ///< docs/theory.md §1, at t_k
+  double minimum_true_energy_joule = kNaN;                 ///< over all inner steps so far
+  Vector3 true_wrist_angle_rad = Vector3::Constant(kNaN);  ///< per joint
+  Vector3 true_wrist_velocity_rad_per_s = Vector3::Constant(kNaN);
+
+  /// The device has one.
+  [[nodiscard]] bool has_wrist() const noexcept { return !wrist_torque_newton_m.hasNaN(); }
+
+  /// It does not act after all.
+  void clear_force() noexcept {
+    force_on_hand_newton.setZero();
+    if (has_wrist()) wrist_torque_newton_m.setZero();
+    is_peak_limited = false;
+  }
 };
 
 /// Of DeviceCounters::has_no_motor_watchdog, for people.

@@ -53,6 +53,10 @@ class PaperTransparency {
   Vector3 judged_s_ = Vector3::Zero();
 };
 
+/// Torques are compared as the forces that they are at the end of this arm: the floor of a torque
+/// is then 1 mN·m.
+inline constexpr double kTorqueArm_m = 0.02;
+
 /// What a rendered force F was against a reference R over time, docs/theory.md §7.2. All figures
 /// are integrals over the time with |F| or |R| > 0.05 N, so a force counts for as long as it acted
 /// and a hole for as long as it lasted. Sums of comparisons are comparisons of longer times.

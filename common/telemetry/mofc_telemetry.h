@@ -48,6 +48,8 @@ struct MofcTick {
   TimePoint device_sampled_at{};      ///< device's clock
   Vector3 requested_force_on_hand_newton =
       Vector3::Zero();  ///< requested, before fade and clamp, D
+  /// Per joint of the wrist; NaN without one.
+  Vector3 requested_wrist_torque_newton_m = Vector3::Constant(kNaN);
   Vector3 commanded_force_on_hand_newton = Vector3::Zero();  ///< after the clamp, D
   Vector3 f_max_newton = Vector3::Constant(kNaN);            ///< NaN: no bound (controller none)
   double ledger_energy_joule = kNaN;  ///< E' of the controller; NaN: no ledger

@@ -66,8 +66,12 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
       row.is_truly_in_contact.value_or(row.mofc.has_value() && row.mofc->is_in_contact);
   if (is_in_contact) ++contact_ticks_;
 
+  if (row.wrist_to_ideal) wrist_to_ideal_.add(*row.wrist_to_ideal);
+
   // safety
   maximum_force_newton_ = std::max(maximum_force_newton_, fs.norm());
+  maximum_torque_newton_m_ =
+      std::fmax(maximum_torque_newton_m_, device.wrist_torque_newton_m.cwiseAbs().maxCoeff());
   add_fallback(device);
   if (!std::isnan(device.minimum_true_energy_joule)) {
     minimum_true_energy_joule_ = device.minimum_true_energy_joule;
@@ -77,6 +81,10 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
   if (device.true_tool_position_world_m.allFinite()) {
     top_tool_speed_m_per_s_ =
         std::max(top_tool_speed_m_per_s_, device.true_tool_velocity_world_m_per_s.norm());
+    if (device.true_wrist_velocity_rad_per_s.allFinite()) {
+      top_wrist_speed_rad_per_s_ = std::max(
+          top_wrist_speed_rad_per_s_, device.true_wrist_velocity_rad_per_s.cwiseAbs().maxCoeff());
+    }
     reversals_.add(device.true_tool_position_world_m);
     if (ideal.tool_position_world_m.allFinite()) {
       ideal_reversals_.add(ideal.tool_position_world_m);
@@ -185,6 +193,11 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
                           {"z", number_or_null(transparency.z())},
                           {"vector", number_or_null(s.vector_transparency())},
                           {"ideal", number_or_null(s.ideal_transparency())}};
+  if (session.side().device.wrist) {
+    json["torque_transparency"] = number_or_null(s.torque_transparency());
+    json["torque_error_rms_ratio"] = number_or_null(s.torque_error_rms_ratio());
+    json["max_torque_newton_m"] = number_or_null(s.maximum_torque_newton_m());
+  }
   json["gain"] = number_or_null(s.gain());
   json["force_error_rms_ratio"] = number_or_null(s.force_error_rms_ratio());
   json["largest_force_error_20ms_n"] = number_or_null(s.largest_force_error_newton());
@@ -353,6 +366,11 @@ std::string summary_text(const Session& session, const RunReport& report) {
   line("force error, rms", figure(s.force_error_rms_ratio(), "{:.3f}") + " of the ideal force; " +
                                figure(100.0 * s.beyond_jnd_ratio(), "{:.1f} %") +
                                " of the time beyond the force JND");
+  if (session.side().device.wrist) {
+    line("torque", figure(s.torque_transparency(), "{:.3f}") + " (rendered / ideal), error rms " +
+                       figure(s.torque_error_rms_ratio(), "{:.3f}") + " of the ideal, largest " +
+                       figure(s.maximum_torque_newton_m(), "{:.4f} N·m"));
+  }
   line("force error, 20 ms",
        figure(s.largest_force_error_newton(), "{:.3f} N") + ", the largest mean over 20 ms");
   line("clamped", figure(100.0 * s.clamp_ratio(), "{:.1f} %") + " of the ticks with a force");

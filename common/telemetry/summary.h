@@ -35,6 +35,12 @@ class RunStatistics {
   [[nodiscard]] double vector_transparency() const { return requests_.rendered().transparency(); }
   /// fs against fi, projected and capped.
   [[nodiscard]] double ideal_transparency() const { return to_ideal_.transparency(); }
+  /// The torque on the wrist against that of the tissue, projected and capped; the rms of its error
+  /// over its rms. NaN without a wrist.
+  [[nodiscard]] double torque_transparency() const { return wrist_to_ideal_.transparency(); }
+  [[nodiscard]] double torque_error_rms_ratio() const { return wrist_to_ideal_.rms_error_ratio(); }
+  /// Of one joint.
+  [[nodiscard]] double maximum_torque_newton_m() const { return maximum_torque_newton_m_; }
   /// fs against fi, projected, not capped: above 1 where the force overshoots.
   [[nodiscard]] double gain() const { return to_ideal_.gain(); }
   /// The rms of fs − fi over the rms of fi.
@@ -52,6 +58,8 @@ class RunStatistics {
   [[nodiscard]] double maximum_force_newton() const { return maximum_force_newton_; }
   /// Of a simulated device: the true speed of the tool at the ticks.
   [[nodiscard]] double top_tool_speed_m_per_s() const { return top_tool_speed_m_per_s_; }
+  /// Likewise of its fastest joint; 0 without a wrist.
+  [[nodiscard]] double top_wrist_speed_rad_per_s() const { return top_wrist_speed_rad_per_s_; }
   /// Without the force of an answer, after the first one.
   [[nodiscard]] double longest_fallback_s() const { return longest_fallback_s_; }
   [[nodiscard]] std::array<std::uint64_t, 3> reversals() const { return reversals_.reversals(); }
@@ -89,11 +97,14 @@ class RunStatistics {
   std::optional<Previous> previous_;  // of the tick before this one
   RequestComparison requests_;
   ForceComparison to_ideal_;
+  ForceComparison wrist_to_ideal_;
   ForceComparison to_ideal_run_;
   LargestMean largest_error_;
   double minimum_true_energy_joule_ = kNaN;
   double maximum_force_newton_ = 0.0;
+  double maximum_torque_newton_m_ = kNaN;
   double top_tool_speed_m_per_s_ = 0.0;
+  double top_wrist_speed_rad_per_s_ = 0.0;
   bool was_answered_ = false;
   std::optional<TimePoint> fallback_from_;
   double longest_fallback_s_ = 0.0;

@@ -22,6 +22,10 @@ struct TickRow {
   /// (lockstep only). Otherwise what acted is compared with the ideal force of both rows, linear
   /// between them.
   std::optional<ForceComparison> to_ideal{};
+  /// The same of the torque per joint of the wrist, in newtons at kTorqueArm_m; NaN and none
+  /// without.
+  Vector3 ideal_wrist_torque_newton_m = Vector3::Constant(kNaN);
+  std::optional<ForceComparison> wrist_to_ideal{};
   /// From the true geometry, where known; otherwise the contact flag of `mofc` applies.
   std::optional<bool> is_truly_in_contact{};
 };

@@ -88,6 +88,7 @@ Plan plan_of(const Campaign& campaign, std::uint64_t run) {
     plan.overrides.insert(plan.overrides.end(), more.begin(), more.end());
   };
   if (campaign.is_hostile) add(hostile_overrides(plan.seed));
+  if (campaign.has_hostile_wrist) add(hostile_wrist_overrides(plan.seed));
   if (campaign.has_lying_clamp) plan.overrides.push_back(lying_clamp_override(plan.seed));
 
   // the last dimension varies fastest

@@ -78,6 +78,7 @@ struct Campaign {
   std::vector<Dimension> dimensions;
   bool is_hostile = false;
   bool has_lying_clamp = false;
+  bool has_hostile_wrist = false;
   std::uint64_t runs_per_cell = 1;
   std::uint64_t first_seed = 1;
   std::vector<const Quantity*> quantities;  ///< those to report, then those that only limits use

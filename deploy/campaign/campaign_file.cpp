@@ -35,6 +35,7 @@ class Reader {
     for (int i = 0; i < written_.vary_size(); ++i) add_dimension(i);
     campaign_.is_hostile = written_.has_hostile();
     campaign_.has_lying_clamp = written_.hostile().lying_clamp();
+    campaign_.has_hostile_wrist = written_.hostile().wrist();
     campaign_.runs_per_cell = written_.has_runs() ? written_.runs() : 1;
     campaign_.first_seed = written_.has_first_seed() ? written_.first_seed() : 1;
     for (int i = 0; i < written_.report_size(); ++i) {

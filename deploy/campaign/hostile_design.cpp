@@ -172,6 +172,37 @@ std::vector<std::string> hostile_overrides(std::uint64_t seed) {
   return overrides;
 }
 
+std::vector<std::string> hostile_wrist_overrides(std::uint64_t seed) {
+  Random random(stream_seed(seed, "adverse wrist"));
+  std::vector<std::string> overrides;
+  const auto set = [&](const std::string& path, double value) {
+    overrides.push_back(fmt::format("{}={}", path, value));
+  };
+  const auto log_uniform = [&](double low, double high) {
+    return low * std::pow(high / low, random.uniform());
+  };
+  // friction, at or above the profile; encoders; motors
+  const double f_d = random.chance(0.1) ? 0.0 : log_uniform(1e-5, 2e-3);
+  const double f_co = random.chance(0.1) ? 0.0 : log_uniform(1e-4, 2e-2);
+  const double q_rad = random.chance(0.2) ? 0.0 : log_uniform(1e-6, 2e-3);
+  set("device.wrist.viscous_newton_m_s_per_rad", f_d);
+  set("device.wrist.coulomb_newton_m", f_co);
+  set("device.wrist.angle_resolution_rad", q_rad);
+  set("device.wrist.peak_torque_newton_m", log_uniform(0.02, 0.3));
+  const auto more = [&] { return random.chance(0.6) ? 1.0 : random.uniform(1.0, 2.0); };
+  set("device.simulated.wrist.viscous_newton_m_s_per_rad", f_d * more());
+  set("device.simulated.wrist.coulomb_newton_m", f_co * more());
+  set("device.simulated.wrist.angle_resolution_rad", q_rad * (random.chance(0.8) ? 1.0 : 0.5));
+  set("device.simulated.wrist.inertia_kg_m2", log_uniform(5e-6, 2e-4));
+  // hand: firm, so that it stays below v_max whatever turns it
+  set("hand.wrist.inertia_kg_m2", log_uniform(1e-5, 3e-4));
+  set("hand.wrist.stiffness_newton_m_per_rad", log_uniform(1.0, 20.0));
+  set("hand.wrist.damping_newton_m_s_per_rad", log_uniform(0.15, 0.5));
+  set("hand.wrist.hostile.radius_rad", log_uniform(0.02, 1.0));
+  set("hand.wrist.hostile.v_max_rad_per_s", random.chance(0.6) ? 3.0 : random.uniform(0.5, 3.0));
+  return overrides;
+}
+
 std::string lying_clamp_override(std::uint64_t seed) {
   const char* laws[] = {
       "full_force", "wrong_lease",  "ahead",   "replay", "full_force_not_a_number",

@@ -13,6 +13,8 @@ namespace palpate::campaign {
 /// deadline, encoder, workspace, scene, network, scheduler and physics, true friction at or above
 /// the profile. The same for a seed on every machine.
 [[nodiscard]] std::vector<std::string> hostile_overrides(std::uint64_t seed);
+/// Of a session whose device has a wrist, besides.
+[[nodiscard]] std::vector<std::string> hostile_wrist_overrides(std::uint64_t seed);
 
 /// A law of adversary.clamp, any but the truthful one.
 [[nodiscard]] std::string lying_clamp_override(std::uint64_t seed);

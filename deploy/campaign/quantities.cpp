@@ -21,6 +21,12 @@ constexpr Quantity kQuantities[] = {
      [](const RunReport& r, const Side&) { return r.statistics.vector_transparency(); }},
     {"transparency.ideal", "rendered against ideal force, projected, 0 … 1", true,
      [](const RunReport& r, const Side&) { return r.statistics.ideal_transparency(); }},
+    {"torque_transparency", "rendered against ideal torque of a wrist, projected, 0 … 1", true,
+     [](const RunReport& r, const Side&) { return r.statistics.torque_transparency(); }},
+    {"torque_error_rms_ratio", "rms of its error over that of the ideal torque", true,
+     [](const RunReport& r, const Side&) { return r.statistics.torque_error_rms_ratio(); }},
+    {"max_torque_newton_m", "largest torque of one joint of a wrist [N·m]", false,
+     [](const RunReport& r, const Side&) { return r.statistics.maximum_torque_newton_m(); }},
     {"gain", "rendered against ideal force, projected, not capped", true,
      [](const RunReport& r, const Side&) { return r.statistics.gain(); }},
     {"force_error_rms_ratio", "rms of the force error over that of the ideal force", true,
@@ -49,10 +55,14 @@ constexpr Quantity kQuantities[] = {
     {"ledger_excesses", "answers of a clamp that counts on more energy than can be", false,
      [](const RunReport& r, const Side&) { return count(r.device.ledger_excesses); }},
     {"top_speed_m_per_s", "greatest true speed of the hand at the ticks [m/s]", false, top_speed},
-    {"speed_ratio", "the same over v_max of mode guard; above 1 the guarantee does not apply",
+    {"speed_ratio",
+     "the same over v_max of mode guard, or that of a wrist; above 1 the guarantee does not apply",
      false,
      [](const RunReport& r, const Side& side) {
-       return top_speed(r, side) / side.mofc.guard.v_max_m_per_s;
+       const double of_wrist = side.device.wrist ? r.statistics.top_wrist_speed_rad_per_s() /
+                                                       side.device.wrist->v_max_rad_per_s
+                                                 : 0.0;
+       return std::max(of_wrist, top_speed(r, side) / side.mofc.guard.v_max_m_per_s);
      }},
     {"ticks", "device ticks", false,
      [](const RunReport& r, const Side&) { return count(r.statistics.ticks()); }},

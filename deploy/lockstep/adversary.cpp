@@ -17,6 +17,7 @@ namespace {
 
 // More than any motor gives, and more stored energy than any cap.
 constexpr double kHostileNewton = 20.0;
+constexpr double kHostileNewtonM = 2.0;
 constexpr double kHostileStoreJoule = 1e3;
 constexpr std::uint32_t kHostileTissue = 1000;  // not the wall, which mofc_node steps itself
 constexpr double kRestartPeriod_s = 0.9;
@@ -79,8 +80,22 @@ void PhysicsTamperer::tamper(Interaction& interaction) {
   interaction.contacts[0] =
       law_ == HostilePhysics::kActiveTissue ? active_tissue() : force_everywhere(force);
   interaction.contacts[0].tissue = kHostileTissue;
+  turn_along(interaction);
   lie_about_the_surface(interaction.surface);
   lie_about_elastic_bodies(interaction);
+}
+
+/// Torque that turns the tool the way that it turns, as far as the force can have it.
+void PhysicsTamperer::turn_along(Interaction& interaction) {
+  const Vector3 turned = (interaction.tool_orientation_world * orientation_.conjugate()).vec();
+  orientation_ = interaction.tool_orientation_world;
+  if (turned.norm() > 0.0) turns_ = turned.normalized();
+  if (turns_.isZero(0.0)) return;
+  const Vector3 torque =
+      kHostileNewtonM * (law_ == HostilePhysics::kSquareWave ? sign_ : 1.0) * turns_;
+  interaction.torque_on_tool_newton_m = torque;
+  const Vector3& force = interaction.force_on_tool_newton;
+  if (force.allFinite()) interaction.contacts[0].arm_m = force.cross(torque) / force.squaredNorm();
 }
 
 /// Valid descriptions, tiles and coverage of a tissue that does not exist.
@@ -271,6 +286,13 @@ void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
   const Vector3 moved = state.hand_position_m - position_m_;
   position_m_ = state.hand_position_m;
   if (moved.norm() > 0.0) along_ = moved.normalized();
+  if (state.wrist) {
+    const Vector3 turned = state.wrist->pose.angle_rad - angle_rad_;
+    angle_rad_ = state.wrist->pose.angle_rad;
+    for (int i = 0; i < 3; ++i) {
+      if (turned[i] != 0.0) turns_[i] = turned[i] > 0.0 ? 1.0 : -1.0;
+    }
+  }
   const double t_s = seconds_of(state.header.sampled_at);
   switch (law_) {
     case LyingClamp::kTruthful:
@@ -287,6 +309,7 @@ void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
     case LyingClamp::kReplay:
       history_.push_back(command);
       command.force_on_hand_newton = history_.front().force_on_hand_newton;
+      command.wrist_torque_newton_m = history_.front().wrist_torque_newton_m;
       command.valid_for = history_.front().valid_for;
       if (history_.size() > kReplayedTicks) history_.pop_front();
       return;
@@ -300,6 +323,7 @@ void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
       const double honest = command.force_on_hand_newton.norm();
       if (honest == 0.0) return;
       command.force_on_hand_newton *= (honest + t_s) / honest;
+      command.wrist_torque_newton_m *= (honest + t_s) / honest;
       command.valid_for += from_seconds(1e-3 * t_s);
       return;
     }
@@ -316,6 +340,7 @@ void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
 
 void ClampTamperer::push(ForceCommand& command) const {
   command.force_on_hand_newton = kHostileNewton * along_;
+  command.wrist_torque_newton_m = kHostileNewtonM * turns_;
   command.valid_for = kForever;
 }
 
@@ -341,6 +366,7 @@ void ClampTamperer::spend_all(const DeviceState& state, ForceCommand& command) c
             (acts_s > 0.0 ? acts_s * clamp.drain_watt(state.acting_force_on_hand_newton) : 0.0));
   }
   command.force_on_hand_newton = clamp.clamp(kHostileNewton * along_, joule).force_on_hand_newton;
+  command.wrist_torque_newton_m.setZero();
   command.valid_for = device_.lease;
 }
 

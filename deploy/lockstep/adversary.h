@@ -25,6 +25,7 @@ class PhysicsTamperer {
   void lie_about_elastic_bodies(Interaction& interaction);
   void lie_about_compliance(ElasticNews& news, double t_s);
   void lie_about_grip(Interaction& interaction, double t_s);
+  void turn_along(Interaction& interaction);
   void change_law(double t_s);
   [[nodiscard]] Vector3 square_wave(double t_s);
 
@@ -37,6 +38,8 @@ class PhysicsTamperer {
   Vector3 position_m_ = Vector3::Zero();
   Vector3 along_ = Vector3::UnitZ();
   Vector3 axis_ = Vector3::UnitZ();
+  Quaternion orientation_ = Quaternion::Identity();
+  Vector3 turns_ = Vector3::Zero();  // unit, about which the tool turned last; zero: it never did
   double sign_ = 1.0;
   double turn_s_ = 0.0;
   double until_s_ = 0.0;
@@ -83,6 +86,8 @@ class ClampTamperer {
   DeviceConfig device_;
   Vector3 position_m_ = Vector3::Zero();
   Vector3 along_ = Vector3::UnitZ();
+  Vector3 angle_rad_ = Vector3::Zero();  // of a wrist
+  Vector3 turns_ = Vector3::Zero();      // each joint by ±1, or never did: 0
   std::deque<ForceCommand> history_;
   std::uint64_t count_ = 0;
 };

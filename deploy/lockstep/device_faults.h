@@ -47,6 +47,9 @@ class PreemptedDevice final : public device::HapticDevice {
     }
     return device_.apply(force_on_hand_newton, lease, at_switch);
   }
+  void set_wrist_torque(const Vector3& torque_on_hand_newton_m) noexcept override {
+    device_.set_wrist_torque(torque_on_hand_newton_m);
+  }
   [[nodiscard]] bool take_latched(device::DeviceSample& at_end) noexcept override {
     return device_.take_latched(at_end);
   }

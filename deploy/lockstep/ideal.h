@@ -39,12 +39,22 @@ class Ideal {
     Vector3 tool_m;
     Vector3 tool_m_per_s;
     bool is_clutched;
+    Vector3 wrist_rad;  // angles of its joints
     bool is_row = false;
   };
-  /// Force on the hand of the tissue under the run's own tool, limited to the peak.
-  [[nodiscard]] Vector3 own_newton(const At& at, bool& is_in_contact);
+  /// What the tissue does to the hand, limited to the peaks.
+  struct OnHand {
+    Vector3 newton;
+    Vector3 newton_m;  // per joint of the wrist
+    bool is_in_contact;
+  };
+  /// Under the run's own tool.
+  [[nodiscard]] OnHand own(const At& at);
   /// 0 while clutched.
   [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const Vector3& force_on_tool) const;
+  /// Per joint of a wrist at these angles; 0 while clutched.
+  [[nodiscard]] Vector3 torque_on_hand(bool is_clutched, const Vector3& wrist_rad,
+                                       const Vector3& torque_on_tool) const;
   void step_run(double time_s, const Vector3& hand_m);
   void note_buttons(std::uint32_t buttons);
 
@@ -56,13 +66,14 @@ class Ideal {
   bool is_jaw_closed_ = false;             // at the newest tick
   bool is_energised_ = false;              // likewise
   DeviceConfig device_;
-  double peak_force_newton_;             // the smaller of the session's and the device's own
-  physics::TissueMemory memory_;         // of the run's own tool
-  WorkspaceMap map_;                     // as of its last row
-  std::optional<Vector3> ideal_newton_;  // at the last inner step
-  std::optional<double> stepped_s_;      // when the memory was brought up to date
+  double peak_force_newton_;         // the smaller of the session's and the device's own
+  physics::TissueMemory memory_;     // of the run's own tool
+  WorkspaceMap map_;                 // as of its last row
+  std::optional<OnHand> ideal_;      // at the last inner step
+  std::optional<double> stepped_s_;  // when the memory was brought up to date
   WorkspaceMap run_map_;
   physics::TissueMemory run_memory_;
+  Vector3 run_newton_m_ = Vector3::Zero();  // per joint of its wrist, as of its last force
   device::IdealRun run_;
 };
 

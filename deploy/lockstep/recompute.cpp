@@ -72,6 +72,7 @@ class MovedAgain {
     for (std::uint32_t i = 0; i < tick.acted_count; ++i) {
       const AppliedForce& acted = tick.acted[i];
       if (acted.from != clock_.now()) return stop("what acted is not known throughout");
+      device_.set_wrist_torque(acted.wrist_torque_newton_m);
       static_cast<void>(device_.apply(acted.force_on_hand_newton, kEndlessLease, sample));
       clock_.sleep_until(acted.until);
       static_cast<void>(device_.read(sample));
@@ -86,6 +87,7 @@ class MovedAgain {
   /// The recorded forces are what the motors made of the commands.
   static SimulatedDeviceConfig without_limit(SimulatedDeviceConfig device) {
     device.peak_force_newton = std::numeric_limits<double>::infinity();
+    if (device.wrist) device.wrist->peak_torque_newton_m = device.peak_force_newton;
     return device;
   }
 
@@ -101,6 +103,10 @@ class MovedAgain {
     again.device.true_tool_position_world_m = map_.tool_position_world_m(truth.hand_position_m);
     again.device.true_tool_velocity_world_m_per_s =
         map_.tool_velocity_world_m_per_s(truth.hand_velocity_m_per_s);
+    if (truth.wrist) {
+      again.device.true_wrist_angle_rad = truth.wrist->angle_rad;
+      again.device.true_wrist_velocity_rad_per_s = truth.wrist->velocity_rad_per_s;
+    }
     result_.largest_position_difference_m = std::max(
         result_.largest_position_difference_m,
         difference(again.device.true_tool_position_world_m, row.device.true_tool_position_world_m));

@@ -18,6 +18,22 @@ constexpr double kLeaseRoundingS = 1e-9;  // leases travel in whole nanoseconds
 
 }  // namespace
 
+DeviceConfig wrist_as_axes(const DeviceConfig& config) noexcept {
+  const WristProfile& wrist = *config.wrist;
+  DeviceConfig axes = config;
+  axes.wrist.reset();
+  axes.profile = {.viscous_newton_s_per_m = wrist.viscous_newton_m_s_per_rad,
+                  .coulomb_newton = wrist.coulomb_newton_m,
+                  .position_resolution_m = wrist.angle_resolution_rad,
+                  .per_axis = FrictionPerAxis{
+                      .viscous_newton_s_per_m = Vector3::Constant(wrist.viscous_newton_m_s_per_rad),
+                      .coulomb_newton = Vector3::Constant(wrist.coulomb_newton_m)}};
+  axes.monitor.v_max_m_per_s = wrist.v_max_rad_per_s;
+  axes.monitor.is_v_max_per_axis = true;
+  axes.peak_force_newton = wrist.peak_torque_newton_m;
+  return axes;
+}
+
 // --- the worst hand -------------------------------------------------------------------------
 
 /// Maximum of e v − f_d v² over 0 ≤ v ≤ v_max.
@@ -41,6 +57,7 @@ double WorstHand::drain_watt(const Vector3& force_newton) const noexcept {
   for (int i = 0; i < 3; ++i) {
     sum += along_one_axis_watt(excess[i], friction.viscous_newton_s_per_m[i]);
   }
+  if (is_v_max_per_axis_) return sum;
   return std::min(sum,
                   along_one_axis_watt(excess.norm(), friction.viscous_newton_s_per_m.minCoeff()));
 }
@@ -235,7 +252,7 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
     floor_joule_ -= most_drawn_joule + kUlps * (std::abs(floor_joule_) + most_drawn_joule);
   }
   if (is_too_fast(position_m - lasting_.position_m(), duration_s + worst_skew_s,
-                  worst_hand_.v_max_m_per_s(), resolution_m_)) {
+                  worst_hand_.fastest_m_per_s(), resolution_m_)) {
     floor_joule_ = -std::numeric_limits<double>::infinity();
   }
   for (EnergyAccount* const account : {&lasting_, &recent_}) {
@@ -245,7 +262,7 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
                              .acted_at_most_s = acted_at_most_s,
                              .duration_s = duration_s,
                              .position_at_end_m = position_m,
-                             .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
+                             .v_max_m_per_s = worst_hand_.fastest_m_per_s(),
                              .held_ratio = ends_.held_ratio,
                              .most_drawn_joule = most_drawn_joule});
     } else {

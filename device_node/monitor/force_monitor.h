@@ -20,9 +20,13 @@ namespace palpate::device {
 /// drain_bounded_speed, drain_per_axis.
 class WorstHand {
  public:
-  /// @param v_max_m_per_s  > 0, may be infinite
+  /// @param fastest  v_max > 0, may be infinite; that of each axis by itself only with friction
+  ///                 per axis
+  WorstHand(const DeviceProfile& profile, const MonitorConfig& fastest) noexcept
+      : WorstHand(profile, fastest.v_max_m_per_s, fastest.is_v_max_per_axis,
+                  fastest.fastest_m_per_s()) {}
   WorstHand(const DeviceProfile& profile, double v_max_m_per_s) noexcept
-      : profile_(profile), v_max_m_per_s_(v_max_m_per_s) {}
+      : WorstHand(profile, v_max_m_per_s, false, v_max_m_per_s) {}
 
   /// D(F), ≥ 0; 0 for a force of f_co up to rounding; infinite where neither viscous friction nor
   /// v_max bounds it. D(sF) grows with s.
@@ -30,7 +34,8 @@ class WorstHand {
   /// Largest found s in 0 … 1 with D(sF) ≤ watt ≥ 0: exact for isotropic friction, else at most
   /// 1e-9 too small. Lemma: bound_bounded_speed.
   [[nodiscard]] double largest_scale(const Vector3& force_newton, double watt) const noexcept;
-  [[nodiscard]] double v_max_m_per_s() const noexcept { return v_max_m_per_s_; }
+  /// All axes together.
+  [[nodiscard]] double fastest_m_per_s() const noexcept { return fastest_m_per_s_; }
 
   /// Every member, to be written to a file or read from one: state_text.h.
   template <class Archive>
@@ -47,15 +52,30 @@ class WorstHand {
       profile_.per_axis = has_axes ? std::optional<FrictionPerAxis>(axes) : std::nullopt;
     }
     archive(v_max_m_per_s_);
+    archive(is_v_max_per_axis_);
+    archive(fastest_m_per_s_);
   }
 
  private:
+  WorstHand(const DeviceProfile& profile, double v_max_m_per_s, bool is_v_max_per_axis,
+            double fastest_m_per_s) noexcept
+      : profile_(profile),
+        v_max_m_per_s_(v_max_m_per_s),
+        is_v_max_per_axis_(is_v_max_per_axis),
+        fastest_m_per_s_(fastest_m_per_s) {}
   [[nodiscard]] double along_one_axis_watt(double excess_newton,
                                            double viscous_newton_s_per_m) const noexcept;
 
   DeviceProfile profile_;
   double v_max_m_per_s_;
+  bool is_v_max_per_axis_;
+  double fastest_m_per_s_;
 };
+
+/// The joints of a device's wrist as the axes of a device, rad for m and N·m for N: their monitor
+/// is one of these, too.
+/// @param config  has a wrist
+[[nodiscard]] DeviceConfig wrist_as_axes(const DeviceConfig& config) noexcept;
 
 /// What the motors do when nobody tells them anything.
 struct MotorEnds {
@@ -105,7 +125,7 @@ class ForceMonitor {
         bound_(config, ends.are_by_themselves),
         resolution_m_(config.profile.position_resolution_m),
         v_skew_m_per_s_(v_skew(config)),
-        worst_hand_(config.profile, config.monitor.v_max_m_per_s),
+        worst_hand_(config.profile, config.monitor),
         most_newton_(config.peak_force_newton),
         reply_(config.reply),
         hold_(config.lease),
@@ -132,6 +152,10 @@ class ForceMonitor {
   /// The command that cover() gets next has begun to act by then after the reading of its tick, or
   /// never will; the other forces of this tick draw nothing.
   void begins_within(Duration within) noexcept;
+  /// What is left in this tick for cover(); below 0 a debt. Of two monitors whose ports pay for
+  /// each other the sum counts: one gives the other what it has.
+  [[nodiscard]] double credit_joule() const noexcept { return credit_joule_; }
+  void set_credit(double joule) noexcept { credit_joule_ = joule; }
   struct Covered {
     Vector3 force_on_hand_newton = Vector3::Zero();
     Duration lease{};
@@ -153,9 +177,14 @@ class ForceMonitor {
   [[nodiscard]] bool is_account_plausible() const noexcept {
     return joule() <= bound_.joule() + kToleranceJoule;
   }
-  /// Whether a clamp may count on so much at the last read(). NaN: it counts on nothing.
-  [[nodiscard]] bool is_ledger_plausible(double ledger_joule) const noexcept {
-    return !(ledger_joule > bound_.account_at_most_joule() + kToleranceJoule);
+  /// Whether a clamp may count on so much at the last read(), with what the hand can have put into
+  /// other ports. NaN: it counts on nothing.
+  [[nodiscard]] bool is_ledger_plausible(double ledger_joule,
+                                         double others_joule = 0.0) const noexcept {
+    return !(ledger_joule > account_at_most_joule() + others_joule + kToleranceJoule);
+  }
+  [[nodiscard]] double account_at_most_joule() const noexcept {
+    return bound_.account_at_most_joule();
   }
 
   /// Every member, to be written to a file or read from one: state_text.h.
@@ -196,7 +225,7 @@ class ForceMonitor {
 
   /// Of a mode without v_max a hand that device_node takes for a fault.
   [[nodiscard]] static double v_skew(const DeviceConfig& config) noexcept {
-    const double v_max = config.monitor.v_max_m_per_s;
+    const double v_max = config.monitor.fastest_m_per_s();
     return v_max < config.v_fault_m_per_s ? v_max : config.v_fault_m_per_s;
   }
   void settle(TimePoint at, const Vector3& position_m, const ReadingDetails& details) noexcept;

@@ -33,7 +33,7 @@ WorkBound::WorkBound(const DeviceConfig& config, bool ends_by_themselves) noexce
     : ends_by_themselves_(ends_by_themselves),
       half_width_nm_(static_cast<std::int64_t>(
           std::clamp(0.5 * kNanometres * config.profile.position_resolution_m, 0.0, kMost_nm))),
-      v_max_m_per_s_(config.monitor.v_max_m_per_s),
+      v_max_m_per_s_(config.monitor.fastest_m_per_s()),
       is_per_axis_(config.profile.per_axis.has_value()) {
   const DeviceProfile& profile = config.profile;
   for (std::size_t i = 0; i < 3; ++i) {

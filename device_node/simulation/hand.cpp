@@ -324,6 +324,29 @@ std::uint32_t Hand::buttons(double t_s) const noexcept {
   return held;
 }
 
+SimulatedDeviceConfig joints_of(const SimulatedDeviceConfig& device) {
+  const SimulatedWristConfig& wrist = *device.wrist;
+  SimulatedDeviceConfig joints;
+  joints.mass_kg = wrist.inertia_kg_m2;
+  joints.per_axis = {.viscous_newton_s_per_m = Vector3::Constant(wrist.viscous_newton_m_s_per_rad),
+                     .coulomb_newton = Vector3::Constant(wrist.coulomb_newton_m)};
+  joints.viscous_newton_s_per_m = wrist.viscous_newton_m_s_per_rad;
+  joints.coulomb_newton = wrist.coulomb_newton_m;
+  joints.position_resolution_m = wrist.angle_resolution_rad;
+  joints.peak_force_newton = wrist.peak_torque_newton_m;
+  joints.inner_step = device.inner_step;
+  return joints;
+}
+
+HandConfig turning_of(const HandConfig& hand) {
+  HandConfig turning;
+  turning.mass_kg = hand.wrist.inertia_kg_m2;
+  turning.stiffness_newton_per_m = hand.wrist.stiffness_newton_m_per_rad;
+  turning.damping_newton_s_per_m = hand.wrist.damping_newton_m_s_per_rad;
+  turning.path = hand.wrist.path;
+  return turning;
+}
+
 PlantParameters plant_of(const SimulatedDeviceConfig& device, const HandConfig& hand) {
   return {.mass_kg = device.mass_kg + hand.mass_kg,
           .hand_stiffness_newton_per_m = hand.stiffness_newton_per_m,

@@ -19,6 +19,8 @@ namespace palpate::device {
   hand.mass_kg = 0.0;
   hand.stiffness_newton_per_m = 0.0;
   hand.damping_newton_s_per_m = 0.0;
+  hand.wrist = {
+      .inertia_kg_m2 = 0.0, .stiffness_newton_m_per_rad = 0.0, .damping_newton_m_s_per_rad = 0.0};
   return hand;
 }
 
@@ -209,6 +211,12 @@ class Hand {
   std::uint32_t led_buttons_ = 0;
   bool is_returning_ = false;  ///< to its path
 };
+
+/// The joints of a device's wrist as such a device, and the hand that turns them as such a hand:
+/// rad for m, N·m for N, kg·m² for kg.
+/// @param device  has a wrist
+[[nodiscard]] SimulatedDeviceConfig joints_of(const SimulatedDeviceConfig& device);
+[[nodiscard]] HandConfig turning_of(const HandConfig& hand);
 
 /// Device and hand as one mass.
 [[nodiscard]] PlantParameters plant_of(const SimulatedDeviceConfig& device, const HandConfig& hand);

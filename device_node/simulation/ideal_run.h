@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <utility>
 
 #include "common/session/simulation_config.h"
@@ -24,10 +25,15 @@ class IdealRun {
   /// Called with the position reached in each step; for tissue with memory.
   using StepDone = std::function<void(double time_s, const Vector3& hand_position_m)>;
 
+  /// Torque of the tissue on the joints of the wrist [N·m], as of the last call of ForceField; that
+  /// one finds their angles in wrist_angle_rad().
+  using TorqueField = std::function<Vector3()>;
+
   /// @param seed  of the hand's random stream, the same as the device's
   /// @param peak_force_newton  the session's; the device's own limit holds too
   IdealRun(const SimulatedDeviceConfig& simulated, double peak_force_newton, const HandConfig& hand,
-           std::uint64_t seed, TimePoint start, ForceField force, StepDone step_done = {})
+           std::uint64_t seed, TimePoint start, ForceField force, StepDone step_done = {},
+           TorqueField torque = {})
       : inner_step_(simulated.inner_step),
         peak_newton_(std::min(peak_force_newton, simulated.peak_force_newton)),
         hand_(hand, simulated, seed),
@@ -35,7 +41,17 @@ class IdealRun {
         start_(start),
         reached_(start),
         force_(std::move(force)),
-        step_done_(std::move(step_done)) {}
+        step_done_(std::move(step_done)),
+        torque_(std::move(torque)) {
+    if (!simulated.wrist || !torque_) return;
+    const SimulatedDeviceConfig joints = joints_of(simulated);
+    const HandConfig turning = turning_of(hand);
+    Hand turns(turning, joints, seed + 1);
+    const Vector3 start_rad = turns.start_position_m();
+    wrist_ = Wrist{.peak_newton_m = joints.peak_force_newton,
+                   .hand = std::move(turns),
+                   .plant = Plant(plant_of(joints, turning), start_rad)};
+  }
 
   /// Integrates up to `until`; does nothing if that has passed.
   void advance_to(TimePoint until) {
@@ -45,6 +61,10 @@ class IdealRun {
   }
 
   [[nodiscard]] const TrueState& state() const noexcept { return plant_.state(); }
+  /// Zero without a wrist.
+  [[nodiscard]] Vector3 wrist_angle_rad() const noexcept {
+    return wrist_ ? wrist_->plant.state().hand_position_m : Vector3(Vector3::Zero());
+  }
   /// Limited to the device's peak; mean of the last inner step.
   [[nodiscard]] const Vector3& force_on_hand_newton() const noexcept {
     return force_on_hand_newton_;
@@ -65,8 +85,22 @@ class IdealRun {
       mean_velocity = plant_.mean_velocity_m_per_s(h_s, target, force_on_hand_newton_);
     }
     plant_.advance(h_s, mean_velocity, force_on_hand_newton_);
+    if (wrist_) {
+      wrist_->torque_newton_m =
+          limited_per_joint(torque_(), Vector3::Constant(wrist_->peak_newton_m));
+      wrist_->plant.step(h_s, wrist_->hand.target(middle_s, wrist_->torque_newton_m),
+                         wrist_->torque_newton_m);
+    }
     if (step_done_) step_done_(middle_s + 0.5 * h_s, plant_.state().hand_position_m);
   }
+
+  /// Its torque is that of the position half an inner step before.
+  struct Wrist {
+    double peak_newton_m;
+    Hand hand;
+    Plant plant;
+    Vector3 torque_newton_m = Vector3::Zero();
+  };
 
   Duration inner_step_;
   double peak_newton_;
@@ -76,6 +110,8 @@ class IdealRun {
   TimePoint reached_;
   ForceField force_;
   StepDone step_done_;
+  TorqueField torque_;
+  std::optional<Wrist> wrist_;
   Vector3 force_on_hand_newton_ = Vector3::Zero();
 };
 

@@ -32,6 +32,9 @@ struct InnerStep {
   Vector3 hand_position_m = Vector3::Zero();        ///< D
   Vector3 hand_velocity_m_per_s = Vector3::Zero();  ///< D
   Vector3 force_on_hand_newton = Vector3::Zero();   ///< D, acted in this step
+  // with a wrist, per joint
+  Vector3 wrist_angle_rad = Vector3::Zero();
+  Vector3 wrist_torque_newton_m = Vector3::Zero();  ///< on the hand, acted in this step
 };
 
 /// Integrates up to clock.now() whenever it is read, written or released, in equal inner steps of
@@ -56,9 +59,12 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   [[nodiscard]] bool read(DeviceSample& sample) noexcept override;
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            DeviceSample& at_switch) noexcept override;
+  void set_wrist_torque(const Vector3& torque_on_hand_newton_m) noexcept override {
+    next_torque_newton_m_ = torque_on_hand_newton_m;
+  }
   [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override;
   [[nodiscard]] bool release() noexcept override;
-  [[nodiscard]] TrueState true_state() const noexcept override { return plant_.state(); }
+  [[nodiscard]] TrueState true_state() const noexcept override;
 
   /// From now on appends every inner step to `steps`, which allocates: for lockstep and
   /// recomputing.
@@ -74,7 +80,20 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   }
 
  private:
+  /// The joints of the wrist: an inertia with friction each, in rad and N·m.
+  struct Wrist {
+    SimulatedWristConfig config;
+    Hand hand;
+    Plant plant;
+    Vector3 torque_newton_m = Vector3::Zero();  // on the hand, that acts
+    double minimum_energy_joule = 0.0;          // of force and torque, over all inner steps
+  };
+  [[nodiscard]] static std::optional<Wrist> wrist_of(const SimulatedDeviceConfig& device,
+                                                     const HandConfig& hand, std::uint64_t seed);
   void catch_up() noexcept;
+  void move_and_turn_until(TimePoint until) noexcept;
+  void end_force() noexcept;
+  [[nodiscard]] bool is_acting() const noexcept;
   void integrate_until(TimePoint until) noexcept;
   [[nodiscard]] DeviceSample sample() const noexcept;
 
@@ -84,6 +103,8 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   Hand hand_;
   HandGoals* goals_;
   Plant plant_;
+  std::optional<Wrist> wrist_;
+  Vector3 next_torque_newton_m_ = Vector3::Zero();
   TimePoint start_;
   TimePoint integrated_until_;
   Vector3 force_on_hand_newton_ = Vector3::Zero();

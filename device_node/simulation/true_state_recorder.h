@@ -23,6 +23,9 @@ class TrueStateRecorder final : public ReadingObserver {
         workspace.tool_velocity_world_m_per_s(truth.hand_velocity_m_per_s);
     record.true_energy_joule = truth.energy_joule;
     record.minimum_true_energy_joule = truth.minimum_energy_joule;
+    if (!truth.wrist) return;
+    record.true_wrist_angle_rad = truth.wrist->angle_rad;
+    record.true_wrist_velocity_rad_per_s = truth.wrist->velocity_rad_per_s;
   }
 
  private:

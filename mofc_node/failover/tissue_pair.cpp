@@ -62,7 +62,9 @@ ModelForce TissuePair::step(const std::array<const Interaction*, kPhysicsRoles>&
   if (standby_share_ == 1.0) return standby;
   return {first.force_on_tool_newton + standby_share_ * difference,
           std::min(first.stored_energy_joule, standby.stored_energy_joule),
-          first.is_touching || standby.is_touching};
+          first.is_touching || standby.is_touching,
+          first.torque_on_tool_newton_m +
+              standby_share_ * (standby.torque_on_tool_newton_m - first.torque_on_tool_newton_m)};
 }
 
 std::optional<TimePoint> TissuePair::scene_time(PhysicsRole receiver, PhysicsRole in_use,

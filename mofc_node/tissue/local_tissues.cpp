@@ -157,9 +157,8 @@ std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissu
     const Contact contact =
         acting_contact(touch, material, relaxed_m, tissue.motion(), velocity, now.time_s);
     if (!(contact.penetration_m > 0.0)) return;
-    result.force.force_on_tool_newton += contact.force_on_tool_newton;
-    result.force.stored_energy_joule += contact.stored_energy_joule;
-    result.force.is_touching = true;
+    result.force.add(1.0, {contact.force_on_tool_newton, contact.stored_energy_joule, true,
+                           contact.arm_m.cross(contact.force_on_tool_newton)});
   };
 
   TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose,
@@ -229,6 +228,7 @@ std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissu
   if (!has_shaft) memory.shaft.reset();
   memory.pose = now;
   if (!result.force.force_on_tool_newton.allFinite() ||
+      !result.force.torque_on_tool_newton_m.allFinite() ||
       !std::isfinite(result.force.stored_energy_joule)) {
     forget(memory);
     return Result{.is_stepped = true, .tissue = tissue.tissue()};

@@ -69,7 +69,9 @@ ModelForce ModelHandover::step(const Interaction& newest, const Vector3& tool_po
   }
   return {from.force_on_tool_newton + share_ * difference,
           std::min(from.stored_energy_joule, to.stored_energy_joule),
-          from.is_touching || to.is_touching};
+          from.is_touching || to.is_touching,
+          from.torque_on_tool_newton_m +
+              share_ * (to.torque_on_tool_newton_m - from.torque_on_tool_newton_m)};
 }
 
 }  // namespace palpate::mofc

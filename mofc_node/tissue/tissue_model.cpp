@@ -89,9 +89,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   const auto add = [&](const LocalTissues::Result& local, double share, Duration law_holds_for) {
     if (!(share > 0.0)) return;
     shares[share_count++] = {.tissue = local.tissue, .share = share};
-    sum.force_on_tool_newton += share * local.force.force_on_tool_newton;
-    sum.stored_energy_joule += share * local.force.stored_energy_joule;
-    sum.is_touching = sum.is_touching || local.force.is_touching;
+    sum.add(share, local.force);
     if (!local.force.is_touching) return;
     const bool is_known = local.is_valid && share == 1.0;
     holds_for_ = std::min(holds_for_, is_known ? law_holds_for : Duration::zero());
@@ -127,9 +125,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   }
   const ModelForce rest = handover_.step(newest, tool_position_world_m, tool_velocity_world_m_per_s,
                                          dt_s, now, std::span(shares).first(share_count));
-  sum.force_on_tool_newton += rest.force_on_tool_newton;
-  sum.stored_energy_joule += rest.stored_energy_joule;
-  sum.is_touching = sum.is_touching || rest.is_touching;
+  sum.add(1.0, rest);
   if (rest.is_touching || is_holding) holds_for_ = {};
   return sum;
 }

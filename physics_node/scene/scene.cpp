@@ -43,7 +43,8 @@ void clear_unless_finite(SceneForce& sum) noexcept {
            std::isfinite(contact.stored_energy_joule) && contact.stretch_m.allFinite() &&
            contact.held_m.allFinite() && std::isfinite(contact.relaxed_m);
   };
-  if (sum.force_on_tool_newton.allFinite() && std::isfinite(sum.stored_energy_joule) &&
+  if (sum.force_on_tool_newton.allFinite() && sum.torque_on_tool_newton_m.allFinite() &&
+      std::isfinite(sum.stored_energy_joule) &&
       std::all_of(sum.contacts.begin(), sum.contacts.begin() + sum.listed_count, is_finite)) {
     return;
   }
@@ -57,6 +58,7 @@ void clear_unless_finite(SceneForce& sum) noexcept {
 void add_contact(const Contact& contact, SceneForce& sum) noexcept {
   if (contact.penetration_m > 0.0) {
     sum.force_on_tool_newton += contact.force_on_tool_newton;
+    sum.torque_on_tool_newton_m += contact.arm_m.cross(contact.force_on_tool_newton);
     sum.stored_energy_joule += contact.stored_energy_joule;
     ++sum.contact_count;
   }

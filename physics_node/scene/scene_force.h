@@ -22,10 +22,11 @@ struct SceneCounts {
 /// The action of all tissues on the tool; W. All zero where nothing touches.
 struct SceneForce : SceneCounts {
   Vector3 force_on_tool_newton = Vector3::Zero();
-  double stored_energy_joule = 0.0;              ///< elastic
-  std::array<Contact, kMaxContacts> contacts{};  ///< the deepest first, then the nearest
-  std::uint32_t listed_count = 0;                ///< entries of `contacts`
-  std::uint32_t contact_count = 0;               ///< all touches; may be larger than the array
+  Vector3 torque_on_tool_newton_m = Vector3::Zero();  ///< about the tip
+  double stored_energy_joule = 0.0;                   ///< elastic
+  std::array<Contact, kMaxContacts> contacts{};       ///< the deepest first, then the nearest
+  std::uint32_t listed_count = 0;                     ///< entries of `contacts`
+  std::uint32_t contact_count = 0;                    ///< all touches; may be larger than the array
 };
 
 }  // namespace palpate::physics

@@ -16,7 +16,7 @@ namespace palpate::test {
 
 AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   Session session =
-      load_session(test::source_dir() + "/deploy/sessions/hostile.txtpb", run.overrides);
+      load_session(test::source_dir() + "/deploy/sessions/" + run.session, run.overrides);
   session.seed = seed;
   LockstepOptions options{.links = run.links, .has_ideal = false};
   options.make_device = run.make_device;
@@ -37,11 +37,23 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
           .mofc = report.mofc,
           .top_speed_m_per_s =
               report.statistics.top_tool_speed_m_per_s() / side.device.workspace.scale_ratio,
-          .v_max_m_per_s = side.mofc.guard.v_max_m_per_s};
+          .v_max_m_per_s = side.mofc.guard.v_max_m_per_s,
+          .wrist_speed_ratio = side.device.wrist ? report.statistics.top_wrist_speed_rad_per_s() /
+                                                       side.device.wrist->v_max_rad_per_s
+                                                 : 0.0};
 }
 
 AdverseRun random_adverse_run(std::uint64_t seed) {
   return {.overrides = campaign::hostile_overrides(seed)};
+}
+
+AdverseRun random_wrist_run(std::uint64_t seed) {
+  AdverseRun run = random_adverse_run(seed);
+  run.session = "tools/hostile_wrist.txtpb";
+  run.seconds = 0.5;
+  const std::vector<std::string> turning = campaign::hostile_wrist_overrides(seed);
+  run.overrides.insert(run.overrides.end(), turning.begin(), turning.end());
+  return run;
 }
 
 AdverseRun random_black_box_run(std::uint64_t seed) {

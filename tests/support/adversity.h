@@ -18,7 +18,8 @@ namespace palpate::test {
 
 /// One run. The session's `adversary` attacks, its `faults` are the network.
 struct AdverseRun {
-  std::vector<std::string> overrides;  ///< on deploy/sessions/hostile.txtpb
+  std::vector<std::string> overrides;  ///< on this session of deploy/sessions
+  std::string session = "hostile.txtpb";
   /// The physics is an engine from elsewhere that tells this much; the contact models are estimated
   /// from it. None: physics_node's own.
   std::optional<Told> told{};
@@ -36,6 +37,11 @@ struct AdverseResult {
   MofcCounters mofc;
   double top_speed_m_per_s = 0.0;  ///< of the hand, true, at the ticks
   double v_max_m_per_s = 0.0;      ///< what the controller assumes of the hand
+  double wrist_speed_ratio = 0.0;  ///< the same of the fastest joint of a wrist, over its v_max
+
+  [[nodiscard]] bool is_too_fast() const {
+    return top_speed_m_per_s > v_max_m_per_s || wrist_speed_ratio > 1.0;
+  }
 };
 
 /// Same run and seed: same result, to the bit. Throws SetupError on overrides that are refused.
@@ -45,7 +51,9 @@ struct AdverseResult {
 [[nodiscard]] AdverseRun random_adverse_run(std::uint64_t seed);
 /// The same, with a physics from elsewhere, of which only forces, or contact points, are known.
 [[nodiscard]] AdverseRun random_black_box_run(std::uint64_t seed);
-/// The same, with a clamp that lies.
+/// The same with force and torque of a wrist, 0.5 s.
+[[nodiscard]] AdverseRun random_wrist_run(std::uint64_t seed);
+/// That of random_adverse_run(), with a clamp that lies.
 [[nodiscard]] AdverseRun random_lying_run(std::uint64_t seed);
 
 }  // namespace palpate::test

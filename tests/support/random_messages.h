@@ -78,6 +78,19 @@ inline void randomise(DeviceState& m, Random& random) {
       m.header.sampled_at + Duration(static_cast<std::int64_t>(random.below(1'000'000'001)));
   m.monitor_energy_joule =
       random.chance(0.5) ? random.uniform(-1.0, 1.0) : std::numeric_limits<double>::infinity();
+  if (random.chance(0.5)) return;
+  m.wrist.emplace();
+  m.wrist->pose.angle_rad = random_vector(random, 1000.0);
+  for (int joint = 0; joint < 3; ++joint) {
+    m.wrist->pose.axes.col(joint) = random_vector(random, 1.0).normalized();
+  }
+  m.wrist->acting_torque_newton_m = random_vector(random, 100.0);
+  for (std::uint32_t i = 0; i < m.applied_count; ++i) {
+    m.applied[i].wrist_torque_newton_m = random_vector(random, 100.0);
+    if (m.applied[i].has_position_at_end) {
+      m.applied[i].wrist_angle_at_end_rad = random_vector(random, 1000.0);
+    }
+  }
 }
 
 inline void randomise(ForceCommand& m, Random& random) {
@@ -89,6 +102,8 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.valid_for = random_duration(random);
   m.begins_within = random_duration(random);
   m.counted_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
+  m.wrist_torque_newton_m =
+      random.chance(0.5) ? random_vector(random, 100.0) : Vector3(Vector3::Zero());
 }
 
 inline Wave random_wave(Random& random) {
@@ -128,6 +143,7 @@ inline void randomise(ToolMotion& m, Random& random) {
               .slip_m = random_vector(random, 1.0),
               .has_let_go = random.chance(0.5)};
   }
+  m.wants_torque = random.chance(0.5);
 }
 
 inline Matrix3 random_matrix(Random& random, double limit) {
@@ -164,6 +180,7 @@ inline void randomise(Contact& c, Random& random) {
        .is_punctured = random.chance(0.5),
        .held_m = random_vector(random, 1.0),
        .relaxed_m = random.uniform(-1.0, 1.0)};
+  if (random.chance(0.5)) c.arm_m = random_vector(random, 1000.0);
 }
 
 /// The jaws hold it.
@@ -231,6 +248,7 @@ inline void randomise(Interaction& m, Random& random) {
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_ahead = random_time(random).time_since_epoch();
   m.steps = random.bits();
+  if (random.chance(0.5)) m.torque_on_tool_newton_m = random_vector(random, 1e4);
   if (touching > 0 && random.chance(0.2)) {
     m.contacts[0] = random.chance(0.5) ? random_needle(random) : random_grip(random);
   }
@@ -266,6 +284,11 @@ inline void randomise(DeviceTick& r, Random& random) {
   r.buttons = static_cast<std::uint32_t>(random.bits());
   r.is_clutched = random.chance(0.5);
   r.is_monitor_reduced = random.chance(0.5);
+  if (random.chance(0.5)) {  // with a wrist
+    r.wrist_torque_newton_m = random_vector(random, 1.0);
+    r.true_wrist_angle_rad = random_vector(random, 3.0);
+    r.true_wrist_velocity_rad_per_s = random_vector(random, 6.0);
+  }
   if (random.chance(0.5)) {  // a simulated device: otherwise NaN
     r.true_tool_position_world_m = random_vector(random, 1.0);
     r.true_tool_velocity_world_m_per_s = random_vector(random, 1.0);
@@ -290,6 +313,7 @@ inline void randomise(MofcTick& r, Random& random) {
   r.is_from_standby = random.chance(0.5);
   r.is_in_contact = random.chance(0.5);
   r.grip = static_cast<GripState>(random.below(7));
+  if (random.chance(0.5)) r.requested_wrist_torque_newton_m = random_vector(random, 1.0);
 }
 
 inline void randomise(PhysicsTick& r, Random& random) {
@@ -593,7 +617,13 @@ inline bool same(const LoopCounters& a, const LoopCounters& b) {
 inline bool same(const AppliedForce& a, const AppliedForce& b) {
   return same(a.force_on_hand_newton, b.force_on_hand_newton) && a.from == b.from &&
          a.until == b.until && same(a.hand_position_at_end_m, b.hand_position_at_end_m) &&
-         a.has_position_at_end == b.has_position_at_end;
+         a.has_position_at_end == b.has_position_at_end &&
+         same(a.wrist_torque_newton_m, b.wrist_torque_newton_m) &&
+         same(a.wrist_angle_at_end_rad, b.wrist_angle_at_end_rad);
+}
+inline bool same(const WristState& a, const WristState& b) {
+  return same(a.pose.angle_rad, b.pose.angle_rad) && a.pose.axes == b.pose.axes &&
+         same(a.acting_torque_newton_m, b.acting_torque_newton_m);
 }
 inline bool same(const DeviceState& a, const DeviceState& b) {
   return same(a.header, b.header) && same(a.hand_position_m, b.hand_position_m) &&
@@ -602,6 +632,7 @@ inline bool same(const DeviceState& a, const DeviceState& b) {
          a.is_clutched == b.is_clutched && a.applied_count == b.applied_count &&
          same(a.acting_force_on_hand_newton, b.acting_force_on_hand_newton) &&
          a.acting_until == b.acting_until && a.monitor_energy_joule == b.monitor_energy_joule &&
+         a.wrist.has_value() == b.wrist.has_value() && (!a.wrist || same(*a.wrist, *b.wrist)) &&
          std::equal(a.applied.begin(), a.applied.begin() + a.applied_count, b.applied.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }
@@ -609,7 +640,9 @@ inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
          a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
-         a.begins_within == b.begins_within && same(a.counted_energy_joule, b.counted_energy_joule);
+         a.begins_within == b.begins_within &&
+         same(a.counted_energy_joule, b.counted_energy_joule) &&
+         same(a.wrist_torque_newton_m, b.wrist_torque_newton_m);
 }
 inline bool same(const Wave& a, const Wave& b) {
   return a.stream == b.stream && same(a.sum, b.sum) && a.energy_joule == b.energy_joule &&
@@ -626,7 +659,11 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
          a.receipts.loop_age == b.receipts.loop_age &&
          a.receipts.tile_slots == b.receipts.tile_slots &&
          a.receipts.tiles_per_message == b.receipts.tiles_per_message &&
-         a.physics_term == b.physics_term && a.scene_time == b.scene_time && same(a.wave, b.wave);
+         a.physics_term == b.physics_term && a.scene_time == b.scene_time && same(a.wave, b.wave) &&
+         a.wants_torque == b.wants_torque && a.grip.has_value() == b.grip.has_value() &&
+         (!a.grip || (a.grip->physics_session_id == b.grip->physics_session_id &&
+                      a.grip->number == b.grip->number && same(a.grip->slip_m, b.grip->slip_m) &&
+                      a.grip->has_let_go == b.grip->has_let_go));
 }
 inline bool same(const HalfSpaceGeometry& a, const HalfSpaceGeometry& b) {
   return same(a.point_m, b.point_m) && same(a.normal, b.normal);
@@ -716,7 +753,7 @@ inline bool same(const NeedleLaw& a, const NeedleLaw& b) {
          same(a.edge_world, b.edge_world) && a.friction_newton == b.friction_newton;
 }
 inline bool same(const Contact& a, const Contact& b) {
-  return a.tissue == b.tissue && same(a.penetration_m, b.penetration_m) &&
+  return a.tissue == b.tissue && same(a.arm_m, b.arm_m) && same(a.penetration_m, b.penetration_m) &&
          same(a.normal_world, b.normal_world) &&
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          a.curvature_per_m == b.curvature_per_m &&
@@ -775,6 +812,7 @@ inline bool same(const Interaction& a, const Interaction& b) {
          same(a.tool_position_world_m, b.tool_position_world_m) &&
          same(a.tool_orientation_world, b.tool_orientation_world) &&
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
+         same(a.torque_on_tool_newton_m, b.torque_on_tool_newton_m) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
          a.listed_count == b.listed_count && same(a.surface, b.surface) &&
          same(a.elastic, b.elastic) && a.physics_term == b.physics_term &&
@@ -799,6 +837,9 @@ inline bool same(const DeviceTick& a, const DeviceTick& b) {
          a.buttons == b.buttons &&
          same(a.true_tool_position_world_m, b.true_tool_position_world_m) &&
          same(a.true_tool_velocity_world_m_per_s, b.true_tool_velocity_world_m_per_s) &&
+         same(a.wrist_torque_newton_m, b.wrist_torque_newton_m) &&
+         same(a.true_wrist_angle_rad, b.true_wrist_angle_rad) &&
+         same(a.true_wrist_velocity_rad_per_s, b.true_wrist_velocity_rad_per_s) &&
          same(a.true_energy_joule, b.true_energy_joule) &&
          same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
 }
@@ -810,7 +851,8 @@ inline bool same(const MofcTick& a, const MofcTick& b) {
          same(a.f_max_newton, b.f_max_newton) &&
          same(a.ledger_energy_joule, b.ledger_energy_joule) && a.force_age == b.force_age &&
          a.state == b.state && a.is_clamped == b.is_clamped && a.is_in_contact == b.is_in_contact &&
-         a.is_from_standby == b.is_from_standby && a.grip == b.grip;
+         a.is_from_standby == b.is_from_standby && a.grip == b.grip &&
+         same(a.requested_wrist_torque_newton_m, b.requested_wrist_torque_newton_m);
 }
 inline bool same(const PhysicsTick& a, const PhysicsTick& b) {
   return a.sequence == b.sequence && a.stepped_at == b.stepped_at &&

@@ -145,6 +145,7 @@ void put_contact(const Contact& contact, v1::Contact& to) {
   if (!contact.held_m.isZero(0.0)) put(contact.held_m, *to.mutable_held_m());
   to.set_relaxed_m(contact.relaxed_m);
   if (contact.grip.number != 0) put_grip(contact.grip, *to.mutable_grip());
+  if (!contact.arm_m.isZero(0.0)) put(contact.arm_m, *to.mutable_arm_m());
 }
 
 void check_contact(const v1::Contact& contact, Verdict& verdict) {
@@ -180,6 +181,7 @@ void check_contact(const v1::Contact& contact, Verdict& verdict) {
   if (contact.has_held_m()) verdict.vector(true, contact.held_m(), kMaxPositionM);
   verdict.number(contact.relaxed_m(), -kMaxPositionM, kMaxPositionM);
   if (contact.has_grip()) check_grip(contact, verdict);
+  if (contact.has_arm_m()) verdict.vector(true, contact.arm_m(), kMaxPositionM);
 }
 
 Contact contact_of(const v1::Contact& wire) {
@@ -213,6 +215,7 @@ Contact contact_of(const v1::Contact& wire) {
   if (wire.has_held_m()) contact.held_m = vector(wire.held_m());
   contact.relaxed_m = wire.relaxed_m();
   if (wire.has_grip()) contact.grip = grip_of(wire.grip());
+  if (wire.has_arm_m()) contact.arm_m = vector(wire.arm_m());
   return contact;
 }
 
@@ -233,6 +236,9 @@ struct WireFormat<Interaction> {
     wire.set_scene_ahead_ns(m.scene_ahead.count());
     wire.set_steps(m.steps);
     if (m.wave.is_present()) put(m.wave, *wire.mutable_wave());
+    if (!m.torque_on_tool_newton_m.isZero(0.0)) {
+      put(m.torque_on_tool_newton_m, *wire.mutable_torque_on_tool_newton_m());
+    }
     const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
     for (std::size_t i = 0; i < count; ++i) put_contact(m.contacts[i], *wire.add_contacts());
     if (m.surface.store_id != 0) put(m.surface, *wire.mutable_surface());
@@ -249,6 +255,9 @@ struct WireFormat<Interaction> {
     verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
     verdict.time(wire.scene_ahead_ns());
     if (wire.has_wave()) check_wave(wire.wave(), verdict);
+    if (wire.has_torque_on_tool_newton_m()) {
+      verdict.vector(true, wire.torque_on_tool_newton_m(), kMaxTissueForceNewton);
+    }
     // contacts that touch are listed first, as far as there is room; then near ones
     const auto listed = static_cast<std::uint32_t>(wire.contacts_size());
     const auto touching = static_cast<std::uint32_t>(
@@ -282,6 +291,7 @@ struct WireFormat<Interaction> {
     m.scene_ahead = Duration(wire.scene_ahead_ns());
     m.steps = wire.steps();
     m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
+    m.torque_on_tool_newton_m = vector(wire.torque_on_tool_newton_m());
     m.surface.store_id = 0;
     if (wire.has_surface()) read_surface(wire.surface(), m.surface);
     m.elastic.store_id = m.elastic.number = 0;

@@ -70,13 +70,16 @@ bool is_turned(const DeviceTick& r) {
 /// Of ActedForces::position_at_end.
 enum PositionAtEnd : std::uint32_t { kNotRead = 0, kGiven = 1, kOfTheTick = 2 };
 
-void fill_acted(const DeviceTick& r, v1::ActedForces& wire) {
+void fill_acted(const DeviceTick& r, bool has_wrist, v1::ActedForces& wire) {
   wire.add_count(r.acted_count);
   wire.add_from_ns(r.acted_count > 0 ? ns(r.acted[0].from) : 0);
   for (std::uint32_t i = 0; i < r.acted_count; ++i) {
     const AppliedForce& acted = r.acted[i];
     wire.add_until_ns(ns(acted.until));
     append(acted.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
+    if (has_wrist) {
+      append(acted.wrist_torque_newton_m, *wire.mutable_wrist_torque_on_hand_newton_m());
+    }
     if (!acted.has_position_at_end) {
       wire.add_position_at_end(kNotRead);
     } else if (acted.hand_position_at_end_m == r.measured_hand_position_m) {
@@ -103,6 +106,8 @@ void check_acted(const v1::ActedForces& wire, int rows, Verdict& verdict) {
   verdict.expect(intervals == wire.until_ns_size() && intervals == wire.position_at_end_size());
   check_times(wire.until_ns(), wire.until_ns_size(), verdict);
   check_finite(wire.force_on_hand_newton(), wire.until_ns_size(), 3, verdict);
+  const Doubles& torques = wire.wrist_torque_on_hand_newton_m();
+  check_finite(torques, torques.empty() ? 0 : wire.until_ns_size(), 3, verdict);
   verdict.expect(3 * positions == wire.hand_position_at_end_m_size());
   for (const double x : wire.hand_position_at_end_m()) verdict.finite(x);
 }
@@ -121,6 +126,9 @@ void read_acted(const v1::DeviceTelemetry& batch, std::vector<DeviceTick>& recor
                .from = from,
                .until = time(wire.until_ns(interval)),
                .has_position_at_end = position != kNotRead};
+      if (!wire.wrist_torque_on_hand_newton_m().empty()) {
+        acted.wrist_torque_newton_m = vector(wire.wrist_torque_on_hand_newton_m(), interval);
+      }
       if (position == kGiven) {
         acted.hand_position_at_end_m = vector(wire.hand_position_at_end_m(), given++);
       } else if (position == kOfTheTick) {
@@ -135,6 +143,8 @@ void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& w
   const bool has_orientations = std::any_of(records.begin(), records.end(), is_turned);
   const bool has_buttons = std::any_of(records.begin(), records.end(),
                                        [](const DeviceTick& r) { return r.buttons != 0; });
+  const bool has_wrist = std::any_of(records.begin(), records.end(),
+                                     [](const DeviceTick& r) { return r.has_wrist(); });
   for (const DeviceTick& r : records) {
     wire.add_sequence(r.sequence);
     wire.add_sampled_at_ns(ns(r.sampled_at));
@@ -156,7 +166,11 @@ void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& w
       append(r.measured_tool_orientation_world, *wire.mutable_measured_tool_orientation_world());
     }
     if (has_buttons) wire.add_buttons(r.buttons);
-    fill_acted(r, *wire.mutable_acted());
+    fill_acted(r, has_wrist, *wire.mutable_acted());
+    if (!has_wrist) continue;
+    append(r.wrist_torque_newton_m, *wire.mutable_wrist_torque_on_hand_newton_m());
+    append(r.true_wrist_angle_rad, *wire.mutable_true_wrist_angle_rad());
+    append(r.true_wrist_velocity_rad_per_s, *wire.mutable_true_wrist_velocity_rad_per_s());
   }
 }
 void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
@@ -181,6 +195,12 @@ void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
   check_finite(orientations, orientations.empty() ? 0 : rows, 4, verdict);
   if (!wire.buttons().empty()) check_length(wire.buttons(), rows, 1, verdict);
   if (wire.has_acted()) check_acted(wire.acted(), rows, verdict);
+  for (const Doubles* const wrist :
+       {&wire.wrist_torque_on_hand_newton_m(), &wire.true_wrist_angle_rad(),
+        &wire.true_wrist_velocity_rad_per_s()}) {
+    check_finite_or_nan(*wrist, wire.wrist_torque_on_hand_newton_m().empty() ? 0 : rows, 3,
+                        verdict);
+  }
 }
 void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.sequence = wire.sequence(i);
@@ -204,13 +224,23 @@ void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.true_tool_velocity_world_m_per_s = vector(wire.true_tool_velocity_world_m_per_s(), i);
   r.true_energy_joule = wire.true_energy_joule(i);
   r.minimum_true_energy_joule = wire.minimum_true_energy_joule(i);
+  if (wire.wrist_torque_on_hand_newton_m().empty()) return;
+  r.wrist_torque_newton_m = vector(wire.wrist_torque_on_hand_newton_m(), i);
+  r.true_wrist_angle_rad = vector(wire.true_wrist_angle_rad(), i);
+  r.true_wrist_velocity_rad_per_s = vector(wire.true_wrist_velocity_rad_per_s(), i);
 }
 
 enum MofcFlags : std::uint32_t { kClamped = 1, kInContact = 2, kFromStandby = 4, kGrip = 56 };
 constexpr std::uint32_t kGripShift = 3;
 
 void fill_records(const std::vector<MofcTick>& records, v1::MofcTelemetry& wire) {
+  const bool has_wrist = std::any_of(records.begin(), records.end(), [](const MofcTick& r) {
+    return !r.requested_wrist_torque_newton_m.hasNaN();
+  });
   for (const MofcTick& r : records) {
+    if (has_wrist) {
+      append(r.requested_wrist_torque_newton_m, *wire.mutable_requested_wrist_torque_newton_m());
+    }
     wire.add_device_session_id(r.device_session_id);
     wire.add_device_sequence(r.device_sequence);
     wire.add_device_sampled_at_ns(ns(r.device_sampled_at));
@@ -231,6 +261,8 @@ void check_records(const v1::MofcTelemetry& wire, Verdict& verdict) {
   check_times(wire.device_sampled_at_ns(), rows, verdict);
   check_finite(wire.requested_force_on_hand_newton(), rows, 3, verdict);
   check_finite(wire.commanded_force_on_hand_newton(), rows, 3, verdict);
+  const Doubles& torques = wire.requested_wrist_torque_newton_m();
+  check_finite_or_nan(torques, torques.empty() ? 0 : rows, 3, verdict);
   check_length(wire.f_max_newton(), rows, 3, verdict);
   check_finite_or_nan(wire.ledger_energy_joule(), rows, 1, verdict);
   check_times(wire.force_age_ns(), rows, verdict);
@@ -257,6 +289,9 @@ void read_record(const v1::MofcTelemetry& wire, int i, MofcTick& r) {
   r.is_in_contact = (wire.flags(i) & kInContact) != 0;
   r.is_from_standby = (wire.flags(i) & kFromStandby) != 0;
   r.grip = static_cast<GripState>((wire.flags(i) & kGrip) >> kGripShift);
+  if (!wire.requested_wrist_torque_newton_m().empty()) {
+    r.requested_wrist_torque_newton_m = vector(wire.requested_wrist_torque_newton_m(), i);
+  }
 }
 
 void fill_records(const std::vector<PhysicsTick>& records, v1::PhysicsTelemetry& wire) {

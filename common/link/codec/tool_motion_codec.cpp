@@ -33,6 +33,7 @@ struct WireFormat<ToolMotion> {
       put(m.grip->slip_m, *wire.mutable_grip()->mutable_slip_m());
       wire.mutable_grip()->set_has_let_go(m.grip->has_let_go);
     }
+    if (m.wants_torque) wire.set_wants_torque(true);
     if (m.receipts.store_id == 0) return;
     v1::SurfaceReceipts& receipts = *wire.mutable_receipts();
     receipts.set_store_id(m.receipts.store_id);
@@ -94,6 +95,7 @@ struct WireFormat<ToolMotion> {
     m.scene_time.reset();
     if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());
     m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
+    m.wants_torque = wire.wants_torque();
     m.grip.reset();
     if (wire.has_grip()) {
       m.grip = {.physics_session_id = wire.grip().physics_session_id(),

@@ -173,6 +173,7 @@ void add_side(const SessionText& text, const std::string& name,
   }
   check_buttons(session.scene, side.device, device);
   side.mofc = to_mofc(mofc, wait_ms, session.physics, side.device);
+  add_wrist(device, fields.message("hand"), mofc, side);
   if (is_real(side.driver) && side.mofc.controller != ControllerKind::kMofc &&
       !side.mofc.has_safety_net && !side.mofc.accepts_rival) {
     mofc.problem("controller",

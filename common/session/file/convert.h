@@ -67,6 +67,8 @@ class LinkRules {
 [[nodiscard]] AdversaryConfig to_adversary(const Fields& adversary);
 
 [[nodiscard]] SimulatedDeviceConfig to_simulated_device(const Fields& simulated);
+/// The wrist of the device, of the simulation and of the hand, if there is one.
+void add_wrist(const Fields& device, const Fields& hand, const Fields& mofc, Side& side);
 /// What `device` has from its driver.
 struct DriverFigures {
   double peak_force_newton = 0.0;      ///< of the simulated device or the motors

@@ -59,7 +59,7 @@ struct Bench {
         node(engine, {}, InteractionUse::kHeld, clock, inbox, interactions, ticks,
              kPhysicsSession) {}
 
-  void send_motion(double z_m, std::uint64_t mofc_session = 5) {
+  void send_motion(double z_m, std::uint64_t mofc_session = 5, bool wants_torque = false) {
     ToolMotion motion;
     motion.header = {.session_id = mofc_session, .sequence = next_sequence++};
     motion.device_session_id = 9;
@@ -67,6 +67,7 @@ struct Bench {
     motion.device_sampled_at = time_at(0.001 * static_cast<double>(motion.header.sequence));
     motion.tool_position_world_m = {0.1, 0.2, z_m};
     motion.tool_orientation_world = Quaternion(0.6, 0.8, 0.0, 0.0);
+    motion.wants_torque = wants_torque;
     motions.send(motion);
   }
   void step() {
@@ -101,6 +102,23 @@ TEST(PhysicsNode, SendsNothingBeforeTheFirstMotion) {
   EXPECT_TRUE(bench.ticks.ticks.empty());
   EXPECT_FALSE(bench.node.has_new_motion());
   EXPECT_EQ(bench.node.counters().loop.ticks, 1U);
+}
+
+// Others get the message that they got before there was torque.
+TEST(PhysicsNode, SaysWhereContactsActToAReceiverThatRendersTorque) {
+  SceneConfig scene = floor_and_far_sphere();
+  scene.tip_radius_m = 0.004;
+  Bench bench(scene);
+  bench.send_motion(-0.01);
+  bench.step();
+  bench.send_motion(-0.01, 5, true);
+  bench.step();
+
+  const std::vector<Interaction> received = bench.received();
+  ASSERT_EQ(received.size(), 2U);
+  ASSERT_EQ(received[1].contact_count, 1U);
+  EXPECT_EQ(received[0].contacts[0].arm_m, Vector3(0, 0, 0));
+  EXPECT_LT((received[1].contacts[0].arm_m - Vector3(0, 0, -0.004)).norm(), 1e-12);
 }
 
 // 10 mm deep at 500 N/m: 5 N, 0.025 J.

@@ -106,6 +106,26 @@ TEST(CsvWriter, WritesEveryColumnInItsPlace) {
             "1,1,0,1,1,2,3,4,5,6,7,2");
 }
 
+TEST(CsvWriter, HasTwelveMoreColumnsWithAWrist) {
+  TickRow row = full_row();
+  row.device.true_wrist_angle_rad = {0.1, 0.2, 0.3};
+  row.device.wrist_torque_newton_m = {0.04, 0.05, 0.06};
+  row.mofc->requested_wrist_torque_newton_m = {0.01, 0.02, 0.03};
+  row.ideal_wrist_torque_newton_m = {0.07, 0.08, 0.09};
+  const std::string path = test_file();
+  {
+    CsvWriter csv(path);
+    csv.write(row);
+    csv.close();
+  }
+  const std::vector<std::string> lines = lines_of(path);
+  std::filesystem::remove(path);
+  ASSERT_EQ(lines.size(), 2U);
+  EXPECT_EQ(lines[0], std::string(kHeader) +
+                          ",a_1,a_2,a_3,te_1,te_2,te_3,ts_1,ts_2,ts_3,ti_1,ti_2,ti_3");
+  EXPECT_TRUE(lines[1].ends_with(",2,0.1,0.2,0.3,0.01,0.02,0.03,0.04,0.05,0.06,0.07,0.08,0.09"));
+}
+
 TEST(CsvWriter, WritesNanForWhatIsNotKnown) {
   TickRow row;
   row.device.sampled_at = TimePoint(2s);
