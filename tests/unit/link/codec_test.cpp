@@ -278,8 +278,10 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
             path == "contacts.held_m" || path == "surface" || path == "surface.description" ||
             path == "surface.coverages.to_m" || path == "counters.standby_interaction" ||
             path == "wave" || path == "acted" || path == "elastic_receipts" || path == "elastic" ||
-            path == "grip" || path == "contacts.grip" || path == "contacts.grip.needle" ||
-            path == "contacts.grip.needle.edge_world" ||
+            path == "grip" || path == "contacts.arm_m" || path == "torque_on_tool_newton_m" ||
+            path == "applied.wrist_torque_on_hand_newton_m" ||
+            path == "wrist_torque_on_hand_newton_m" || path == "contacts.grip" ||
+            path == "contacts.grip.needle" || path == "contacts.grip.needle.edge_world" ||
             path == "surface.description.motion_amplitude_m") {  // optional
           TypeParam message;
           EXPECT_EQ(decoded(frame, message), DecodeError::kNone);
@@ -292,8 +294,13 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
 
 TYPED_TEST(CodecOf, RefusesNaNAndInfinityExceptWhereDocumented) {
   const std::set<std::string> may_be_nan = {"true_tool_position_world_m",
-                                            "true_tool_velocity_world_m_per_s", "true_energy_joule",
-                                            "ledger_energy_joule", "f_max_newton"};
+                                            "true_tool_velocity_world_m_per_s",
+                                            "true_energy_joule",
+                                            "ledger_energy_joule",
+                                            "f_max_newton",
+                                            "true_wrist_angle_rad",
+                                            "true_wrist_velocity_rad_per_s",
+                                            "requested_wrist_torque_newton_m"};
   const double infinity = std::numeric_limits<double>::infinity();
   int tried = 0;
   for (const double bad : {kNaN, infinity, -infinity}) {
@@ -315,8 +322,10 @@ TYPED_TEST(CodecOf, RefusesNaNAndInfinityExceptWhereDocumented) {
           const bool is_unknown_contact =
               std::is_same_v<TypeParam, PhysicsBatch> &&
               (path == "penetration_m" || path == "stiffness_newton_per_m");
+          const bool is_unknown_torque =
+              std::is_same_v<TypeParam, DeviceBatch> && path == "wrist_torque_on_hand_newton_m";
           const bool is_allowed =
-              path == "f_max_newton" ||
+              path == "f_max_newton" || (std::isnan(bad) && is_unknown_torque) ||
               (std::isnan(bad) && (is_unknown_contact || ends_with_one_of(path, may_be_nan)));
           if (is_allowed) {
             TypeParam message;

@@ -121,14 +121,17 @@ inline DeviceState full_message() {
   Random random(7);
   DeviceState m;
   do m = random_message<DeviceState>(random);
-  while (m.applied_count < 2);
+  while (m.applied_count < 2 || !m.wrist);
   m.applied[0].has_position_at_end = true;
   return m;
 }
 template <>
 inline ForceCommand full_message() {
   Random random(7);
-  return random_message<ForceCommand>(random);
+  ForceCommand m;
+  do m = random_message<ForceCommand>(random);
+  while (m.wrist_torque_newton_m.isZero(0.0));
+  return m;
 }
 template <>
 inline ToolMotion full_message() {
@@ -140,7 +143,8 @@ inline Interaction full_message() {
   Random random(7);
   Interaction m;
   do m = random_message<Interaction>(random);
-  while (m.contact_count < 2 || m.surface.tile_count == 0);
+  while (m.contact_count < 2 || m.surface.tile_count == 0 || m.contacts[0].arm_m.isZero(0.0) ||
+         m.torque_on_tool_newton_m.isZero(0.0));
   return m;
 }
 template <class Batch>

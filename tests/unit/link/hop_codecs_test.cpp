@@ -621,5 +621,37 @@ TEST(TissueChangeCodec, RestoresABodyOrSetsConstants) {
       true);
 }
 
+TEST(WristOnTheWire, RangesAreThoseOfTheContract) {
+  using Altered = std::function<void(v1::DeviceState&)>;
+  const auto good = [](const Altered& alter) { expect_range<DeviceState>(alter, true); };
+  const auto bad = [](const Altered& alter) { expect_range<DeviceState>(alter, false); };
+  good([](auto& w) { w.mutable_wrist()->mutable_angle_rad()->set_x(1000.0); });
+  bad([](auto& w) { w.mutable_wrist()->mutable_angle_rad()->set_x(1000.1); });
+  bad([](auto& w) { w.mutable_wrist()->mutable_second_axis()->set_y(2.0); });
+  good([](auto& w) { w.mutable_wrist()->mutable_acting_torque_on_hand_newton_m()->set_z(-100.0); });
+  bad([](auto& w) { w.mutable_wrist()->mutable_acting_torque_on_hand_newton_m()->set_z(-100.1); });
+  bad([](auto& w) { w.mutable_applied(0)->mutable_wrist_torque_on_hand_newton_m()->set_x(101.0); });
+  expect_range<ForceCommand>(
+      [](auto& w) { w.mutable_wrist_torque_on_hand_newton_m()->set_x(100.1); }, false);
+  expect_range<Interaction>([](auto& w) { w.mutable_contacts(0)->mutable_arm_m()->set_x(1000.1); },
+                            false);
+  expect_range<Interaction>([](auto& w) { w.mutable_torque_on_tool_newton_m()->set_x(10000.1); },
+                            false);
+}
+
+// Without a wrist nothing is said of its torques, as before there were any.
+TEST(WristOnTheWire, WithoutOneTheMessagesHaveNoneOfItsFields) {
+  DeviceState state;
+  state.header = {.session_id = 1};
+  state.applied_count = 1;
+  const auto wire = opened<DeviceState>(encoded(state));
+  EXPECT_FALSE(wire.has_wrist());
+  EXPECT_FALSE(wire.applied(0).has_wrist_torque_on_hand_newton_m());
+  EXPECT_FALSE(wire.applied(0).has_wrist_angle_at_end_rad());
+  ForceCommand command;
+  command.header = {.session_id = 1};
+  EXPECT_FALSE(opened<ForceCommand>(encoded(command)).has_wrist_torque_on_hand_newton_m());
+}
+
 }  // namespace
 }  // namespace palpate

@@ -121,8 +121,8 @@ TEST(CsvWriter, HasTwelveMoreColumnsWithAWrist) {
   const std::vector<std::string> lines = lines_of(path);
   std::filesystem::remove(path);
   ASSERT_EQ(lines.size(), 2U);
-  EXPECT_EQ(lines[0], std::string(kHeader) +
-                          ",a_1,a_2,a_3,te_1,te_2,te_3,ts_1,ts_2,ts_3,ti_1,ti_2,ti_3");
+  EXPECT_EQ(lines[0],
+            std::string(kHeader) + ",a_1,a_2,a_3,te_1,te_2,te_3,ts_1,ts_2,ts_3,ti_1,ti_2,ti_3");
   EXPECT_TRUE(lines[1].ends_with(",2,0.1,0.2,0.3,0.01,0.02,0.03,0.04,0.05,0.06,0.07,0.08,0.09"));
 }
 
