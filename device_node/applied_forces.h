@@ -11,7 +11,6 @@
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
-#include "common/core/wrist.h"
 #include "common/telemetry/device_telemetry.h"
 
 namespace palpate::device {

@@ -108,8 +108,8 @@ class ForceGuard {
     if (now - ramp_from_ < ramp_) {
       const double share = to_seconds(now - ramp_from_) / to_seconds(ramp_);
       force = limited_to_norm(force, std::max(acting_newton.norm(), share * force.norm()));
-      torque =
-          limited_per_joint(torque, acting_newton_m.cwiseAbs().cwiseMax(share * torque.cwiseAbs()));
+      torque = limited_per_component(
+          torque, acting_newton_m.cwiseAbs().cwiseMax(share * torque.cwiseAbs()));
     }
 
     // device limits
@@ -118,7 +118,7 @@ class ForceGuard {
     out.is_limited = force.norm() > limit_newton;
     out.force_on_hand_newton = limited_to_norm(force, limit_newton);
     out.wrist_torque_newton_m =
-        limited_per_joint(torque, torque_limit_newton_m(torque, now, acting_newton_m));
+        limited_per_component(torque, torque_limit_newton_m(torque, now, acting_newton_m));
     out.is_limited = out.is_limited || out.wrist_torque_newton_m != torque;
 
     has_answer_ = true;
@@ -147,7 +147,7 @@ class ForceGuard {
       out.state = GuardState::kFallback;
       out.force_on_hand_newton = limited_to_norm(answer_newton_, coulomb_newton_);
       out.wrist_torque_newton_m =
-          limited_per_joint(answer_newton_m_, Vector3::Constant(wrist_.coulomb_newton_m));
+          limited_per_component(answer_newton_m_, Vector3::Constant(wrist_.coulomb_newton_m));
       if (silence >= limp_after_) {
         out.state = GuardState::kFading;
         const double left = 1.0 - to_seconds(silence - limp_after_) / to_seconds(fade_);

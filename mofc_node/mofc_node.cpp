@@ -128,7 +128,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
       physics.is_late ? limited_to_norm(output.force_on_hand_newton, device_.profile.coulomb_newton)
                       : output.force_on_hand_newton;
   if (physics.is_late && device_.wrist) {
-    wrench.wrist_torque_newton_m = limited_per_joint(
+    wrench.wrist_torque_newton_m = limited_per_component(
         wrench.wrist_torque_newton_m, Vector3::Constant(device_.wrist->coulomb_newton_m));
   }
   const bool needs_no_news =

@@ -22,7 +22,6 @@
 #include "common/core/time.h"
 #include "common/core/tissue.h"
 #include "common/core/vector.h"
-#include "common/core/wrist.h"
 #include "common/coupling/wave_channel.h"
 
 namespace palpate {
@@ -32,6 +31,22 @@ struct Header {
   std::uint64_t session_id = 0;  ///< random per process start, never 0
   std::uint64_t sequence = 0;    ///< from 0, incremented per message of this sender and kind
   TimePoint sampled_at{};        ///< sender's clock
+};
+
+/// The handle of a device that turns: three joints whose axes meet in the tip. Values of its joints
+/// are Vector3, one component per joint; angles are continuous, without jumps by turns.
+///
+/// One reading. A torque T about the tip asks the joints for axesᵀ T [N·m]; what the joints turn by
+/// turns the tool by axes · dθ.
+struct WristPose {
+  Vector3 angle_rad = Vector3::Zero();
+  Matrix3 axes = Matrix3::Identity();  ///< columns: unit, D, as they stand at these angles
+};
+
+/// The same with what the motors of the joints do at the time of the reading.
+struct WristState {
+  WristPose pose{};
+  Vector3 acting_torque_newton_m = Vector3::Zero();  ///< on the hand, per joint
 };
 
 /// A time interval during which the device applied a constant force to the hand.

@@ -21,4 +21,9 @@ inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   return norm > limit ? Vector3(v * (limit / norm)) : v;
 }
 
+/// Each component at most that of `most`, ≥ 0, either way.
+[[nodiscard]] inline Vector3 limited_per_component(const Vector3& v, const Vector3& most) noexcept {
+  return v.cwiseMin(most).cwiseMax(-most);
+}
+
 }  // namespace palpate

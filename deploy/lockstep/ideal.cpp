@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "common/core/random.h"
+#include "device_node/simulation/wrist_kinematics.h"
 
 namespace palpate {
 namespace {
@@ -14,7 +15,7 @@ constexpr double kSameInstant_s = 0.5e-9;
 constexpr double kMemoryStep_s = 1e-3 - kSameInstant_s;
 
 Vector3 shaft_of(const Vector3& wrist_rad) {
-  return orientation_of_wrist(wrist_rad) * Vector3::UnitZ();
+  return device::orientation_of_wrist(wrist_rad) * Vector3::UnitZ();
 }
 
 }  // namespace
@@ -142,8 +143,9 @@ Vector3 Ideal::torque_on_hand(bool is_clutched, const Vector3& wrist_rad,
                               const Vector3& torque_on_tool) const {
   if (is_clutched || !device_.wrist) return Vector3::Zero();
   const double ratio = device_.workspace.force_ratio / device_.workspace.scale_ratio;
-  return limited_per_joint(ratio * axes_of_wrist(wrist_rad).transpose() * torque_on_tool,
-                           Vector3::Constant(device_.wrist->peak_torque_newton_m));
+  return limited_per_component(
+      ratio * device::axes_of_wrist(wrist_rad).transpose() * torque_on_tool,
+      Vector3::Constant(device_.wrist->peak_torque_newton_m));
 }
 
 }  // namespace palpate

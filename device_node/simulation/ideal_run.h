@@ -87,7 +87,7 @@ class IdealRun {
     plant_.advance(h_s, mean_velocity, force_on_hand_newton_);
     if (wrist_) {
       wrist_->torque_newton_m =
-          limited_per_joint(torque_(), Vector3::Constant(wrist_->peak_newton_m));
+          limited_per_component(torque_(), Vector3::Constant(wrist_->peak_newton_m));
       wrist_->plant.step(h_s, wrist_->hand.target(middle_s, wrist_->torque_newton_m),
                          wrist_->torque_newton_m);
     }

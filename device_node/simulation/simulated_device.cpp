@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "device_node/simulation/wrist_kinematics.h"
+
 namespace palpate::device {
 namespace {
 
@@ -69,7 +71,7 @@ bool SimulatedDevice::apply(const Vector3& force_on_hand_newton, Duration lease,
     lease_end_ = integrated_until_ + lease;
     if (wrist_) {
       wrist_->torque_newton_m =
-          limited_per_joint(torque, Vector3::Constant(wrist_->config.peak_torque_newton_m));
+          limited_per_component(torque, Vector3::Constant(wrist_->config.peak_torque_newton_m));
     }
   }
   at_switch.applied_force_newton = force_on_hand_newton_;

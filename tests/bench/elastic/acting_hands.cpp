@@ -19,9 +19,9 @@
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/bench/elastic/delayed_force.h"
+#include "tests/support/elastic/tetrahedra_of.h"
 #include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
-#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::bench {
 namespace {

@@ -26,9 +26,9 @@
 #include "tests/bench/bench_output.h"
 #include "tests/bench/elastic/delayed_force.h"
 #include "tests/bench/elastic/elastic_rows.h"
+#include "tests/support/elastic/tetrahedra_of.h"
 #include "tests/support/machine/places.h"
 #include "tests/support/temp_folder.h"
-#include "tests/support/tetrahedra_of.h"
 
 namespace {
 

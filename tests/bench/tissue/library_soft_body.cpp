@@ -13,7 +13,7 @@
 #include "physics_node/library/palpate_tissue.hpp"
 #include "tests/bench/tissue/soft_body.h"
 #include "tests/bench/tissue/tissue_problems.h"
-#include "tests/support/tetrahedra_of.h"
+#include "tests/support/elastic/tetrahedra_of.h"
 
 namespace palpate::bench {
 namespace {

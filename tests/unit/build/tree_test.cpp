@@ -61,6 +61,7 @@ bool ends_with_unit(const std::string& name) {
                            "_m2_per_s3",
                            "_m2_per_s5",
                            "_kg",
+                           "_kg_m2",
                            "_rad",
                            "_hz",
                            "_a",

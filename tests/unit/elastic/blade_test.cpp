@@ -23,8 +23,8 @@
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "tests/property/seeds.h"
+#include "tests/support/elastic/tetrahedra_of.h"
 #include "tests/support/temp_folder.h"
-#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::elastic {
 namespace {

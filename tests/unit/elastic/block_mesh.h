@@ -4,7 +4,7 @@
 
 #include "physics_node/elastic/mesh.h"
 #include "physics_node/files/tetrahedral_files.h"
-#include "tests/support/tetrahedra_of.h"
+#include "tests/support/elastic/tetrahedra_of.h"
 
 namespace palpate::physics {
 

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <limits>
 
-#include "common/core/wrist.h"
 #include "device_node/applied_forces.h"
 #include "device_node/force_guard.h"
 #include "device_node/simulation/simulated_device.h"
+#include "device_node/simulation/wrist_kinematics.h"
 
 namespace palpate::device {
 namespace {

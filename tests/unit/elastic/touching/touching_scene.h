@@ -9,8 +9,8 @@
 #include "common/session/scene_config.h"
 #include "physics_node/elastic/mesh.h"
 #include "physics_node/files/tetrahedral_files.h"
+#include "tests/support/elastic/tetrahedra_of.h"
 #include "tests/support/temp_folder.h"
-#include "tests/support/tetrahedra_of.h"
 
 namespace palpate::physics {
 
