@@ -61,7 +61,8 @@ JawInput jaw_of(const ToolMotion& motion, std::uint64_t session_id,
   if (elastic == nullptr || !elastic->gripper()) return {};
   const GripperConfig& gripper = *elastic->gripper();
   JawInput jaw{.is_closed = !gripper.is_needle() && is_pressed(motion, gripper.button),
-               .velocity_m_per_s = motion.tool_velocity_world_m_per_s};
+               .velocity_m_per_s = motion.tool_velocity_world_m_per_s,
+               .is_felt_elsewhere = motion.elastic_receipts.has_value()};
   if (motion.grip && motion.grip->physics_session_id == session_id) jaw.report = motion.grip;
   return jaw;
 }

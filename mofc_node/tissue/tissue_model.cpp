@@ -14,8 +14,8 @@ namespace {
 constexpr int kCostlySteps = 64;
 constexpr int kCostPerStep = 8;
 
-// What is left of a result that has ended fades within this time, or ends at once.
-constexpr double kLongestPassage_s = 0.05;
+// What is left of a result that has ended fades within this time, the faster the more it is.
+constexpr double kLongestPassage_s = 0.1;
 
 /// What tissue that moves by itself does to a hand that holds against it, until it has moved as far
 /// along the force as it ever does. The hand put as much in while it went the other way.
@@ -118,7 +118,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
                 dt_s, elastic_shares_[i]);
       add(elastic_->results()[i], elastic_shares_[i], Duration::zero());
       part(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
-           share_before, partings_[i]);
+           share_before, elastic_shares_[i], partings_[i]);
       sum.force_on_tool_newton += partings_[i].left_newton;
     }
     if (costs_too_much() && share_count == 0) store_->drop();
@@ -146,21 +146,28 @@ void TissueModel::share_out(const LocalTissues::Result& local, TimePoint now,
 }
 
 void TissueModel::part(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
-                       const Vector3& velocity, double dt_s, double share_before,
+                       const Vector3& velocity, double dt_s, double share_before, double share,
                        Parting& parting) noexcept {
-  const double bound_newton = newton_per_s_ * dt_s;
-  if (!local.is_stepped && share_before > 0.0) {
+  // a force that ends while the tip does not go its way has not been left
+  const Vector3& before = parting.local_newton;
+  const bool is_lost = local.is_stepped && local.tissue == parting.tissue &&
+                       local.force.force_on_tool_newton.isZero(0.0) &&
+                       before.norm() > newton_per_s_ * dt_s &&
+                       (position - parting.at_m).dot(before) <= 0.0;
+  if ((!local.is_stepped || is_lost) && share_before > 0.0) {
     const ModelForce model = handover_.of_tissue(parting.tissue, position, velocity, now);
     parting.left_newton += share_before * (parting.local_newton - model.force_on_tool_newton);
-    if (!(parting.left_newton.norm() <= newton_per_s_ * kLongestPassage_s)) {
-      parting.left_newton.setZero();
-    }
+    if (is_lost) parting.left_newton += share * model.force_on_tool_newton;
+    if (!parting.left_newton.allFinite()) parting.left_newton.setZero();
+    parting.newton_per_s = std::max(newton_per_s_, parting.left_newton.norm() / kLongestPassage_s);
   }
+  const double bound_newton = parting.newton_per_s * dt_s;
   const double newton = parting.left_newton.norm();
   parting.left_newton *= newton > bound_newton ? 1.0 - bound_newton / newton : 0.0;
   if (local.is_stepped) {
     parting.tissue = local.tissue;
     parting.local_newton = local.force.force_on_tool_newton;
+    parting.at_m = position;
   }
 }
 

@@ -86,11 +86,14 @@ class TissueModel {
   /// A patch whose result ends at once: what it had more than the contact model is left to fade.
   struct Parting {
     std::uint32_t tissue = 0;                // of the step before,
-    Vector3 local_newton = Vector3::Zero();  // and its force
+    Vector3 local_newton = Vector3::Zero();  // its force, and where the tip was
+    Vector3 at_m = Vector3::Zero();
     Vector3 left_newton = Vector3::Zero();
+    double newton_per_s = 0.0;  // with which that fades
   };
   void part(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
-            const Vector3& velocity, double dt_s, double share_before, Parting& parting) noexcept;
+            const Vector3& velocity, double dt_s, double share_before, double share,
+            Parting& parting) noexcept;
 
   double newton_per_s_;
   std::uint32_t work_per_step_;

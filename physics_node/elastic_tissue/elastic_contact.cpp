@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kHertzExponent = 1.5;
 constexpr double kLeastForce_newton = 1e-3;
+// A tip so many times as deep as the sphere that waits has not pressed its way there.
+constexpr double kMostAhead = 4.0;
 
 }  // namespace
 
@@ -55,6 +57,12 @@ Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view, double pe
     contact.held_m = penetration_m * normal;
   }
   return contact;
+}
+
+double force_ratio_ahead(double penetration_m, double further_m) noexcept {
+  if (!(further_m > 0.0)) return 1.0;
+  const double ratio = penetration_m / std::max(kLeastDepth_m, penetration_m - further_m);
+  return ratio > 1.0 && ratio < kMostAhead ? ratio : 1.0;
 }
 
 bool TipSide::follow(const Surface& surface, const Bounds& bounds, double tip_radius_m,

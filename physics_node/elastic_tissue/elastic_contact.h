@@ -37,6 +37,12 @@ inline constexpr double kHertzDepth_m = 1e-3;
                                       double penetration_m, const Vector3& normal,
                                       double stiffness_newton_per_m, double tip_radius_m) noexcept;
 
+/// A sphere that waits, because the full solution cannot follow its tip, has less force than the
+/// tip: that grows as the depth does. Decides only whether the tip goes in.
+/// @param penetration_m  of the tip   @param further_m  than the sphere that waits
+/// @return  the force at the tip over that of the sphere, ≥ 1; 1 for a tip that appeared inside
+[[nodiscard]] double force_ratio_ahead(double penetration_m, double further_m) noexcept;
+
 /// The side of the untouched body on which a tip is, by a proxy that does not pass through its
 /// surface (common/contact/proxy.h): a tip that has gone through a thin part is deep below the side
 /// from which it came, and one that appears inside is below the nearest.

@@ -132,7 +132,13 @@ void ElasticReference::prepare(One& one, const Vector3& tip_m, double time_s) co
   tips[0].reset();
   const ElasticBody& body = *one.body;
   one.simulation->set_time(time_s);
-  if (one.side.follow(body.shape, body.bounds, tip_radius_m_, kReach_m, tip_m, time_s)) {
+  const bool is_near =
+      one.side.follow(body.shape, body.bounds, tip_radius_m_, kReach_m, tip_m, time_s);
+  // behind the edge of a blade that is through, it touches nothing until it is out
+  if (is_near && one.is_leaving) one.is_leaving = one.side.view().distance_m < tip_radius_m_;
+  if (one.is_leaving) {
+    one.side = {};
+  } else if (is_near) {
     tips[0] = {.tip_m = tip_m,
                .place_m = one.side.place_m(),
                .friction_on_tool_newton = one.rubbing.force_on_tool_newton()};
@@ -140,13 +146,15 @@ void ElasticReference::prepare(One& one, const Vector3& tip_m, double time_s) co
   if (gripper_) {
     if (!tips[0]) tips[0] = {.tip_m = tip_m, .place_m = tip_m};  // what is held comes along
     tips[0]->slip_m = one.jaw.slip_since_m();
-    one.held.prepare(*one.simulation, 0, *gripper_, one.jaw.command(), tips[0]);
+    one.held.prepare(*one.simulation, 0, one.compliance->compliance(), *gripper_, one.jaw.command(),
+                     tips[0]);
     if (gripper_->is_blade() && one.ablation) {
       EdgeInTissue edge;
       sweep_with(one.held, tips[0]->slip_m, *gripper_, *one.whole, 0, *one.ablation, one.sweep,
                  edge);
       one.held.set_edge(edge);
     }
+    if (one.is_leaving) tips[0].reset();
   }
 }
 
@@ -171,18 +179,23 @@ void ElasticReference::read(One& one, const Vector3& tip_m) const {
                                 one.stiffness_newton_per_m, tip_radius_m_);
   one.rubbing.settle(tip_m, body.friction_coefficient, body.shear_newton_per_m, one.contact);
   one.full_newton += one.rubbing.force_on_tool_newton();
-  pierce(one);
+  pierce(one, tip_m);
 }
 
 /// After a touch: the next step holds the tissue.
-void ElasticReference::pierce(One& one) const {
+void ElasticReference::pierce(One& one, const Vector3& tip_m) const {
   const bool is_needle = gripper_ && gripper_->is_needle() && one.body->pierced;
   if (!is_needle || one.jaw.is_closed()) return;
   const Piercing::Laws laws{.tissue = *one.body->pierced, .needle = *gripper_};
   const Vector3 inward = gripper_->is_blade() ? gripper_->blade_facing : -Vector3::UnitZ();
-  if (!one.piercing.presses(laws, one.full_newton, one.side.place_m(), inward, tip_radius_m_)) {
-    return;
+  const ElasticSimulation::Touch& touch = one.simulation->touch(0);
+  Vector3 newton = one.full_newton;
+  if (touch.blocked_steps > 0) {
+    const SurfaceView& view = one.side.view();
+    newton *= force_ratio_ahead(tip_radius_m_ - view.distance_m,
+                                -view.normal.dot(tip_m - touch.centre_m));
   }
+  if (!one.piercing.presses(laws, newton, one.side.place_m(), inward, tip_radius_m_)) return;
   one.jaw.set(++one.punctures);
   NeedleLaw& law = one.jaw.start_needle();
   one.piercing.update(laws, 0.0, law);
@@ -210,15 +223,21 @@ void ElasticReference::hold(One& one, const Vector3& tip_m) const {
   const bool is_through = gripper_->is_blade() && !(one.held.model().edge.length_m > 0.0);
   one.full_newton = one.jaw.act(one.held.model(), *gripper_, tip_m, velocity,
                                 one.held.model().relaxation_s / step_s_);
+  one.jaw.note_work(one.full_newton, tip_m, true);
   one.rubbing = {};
   one.contact = {};
   if (is_through) {
     one.full_newton.setZero();
     one.side = {};
+    one.is_leaving = true;
   }
   if (is_through || !one.jaw.holds(one.held.model())) {
     if (!is_needle) return;
-    one.piercing.leave(one.jaw.needle());
+    NeedleLaw& law = one.jaw.needle();
+    if (gripper_->is_blade()) {
+      law.deepest_m = std::min(law.deepest_m, one.held.model().edge.deepest_m);
+    }
+    one.piercing.leave(law);
     one.jaw.set(0);
     return;
   }

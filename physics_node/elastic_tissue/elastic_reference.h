@@ -68,6 +68,7 @@ class ElasticReference {
     Vector3 velocity_m_per_s = Vector3::Zero();  // of the tool that holds it, at the last step
     Piercing piercing{};
     std::uint32_t punctures = 0;
+    bool is_leaving = false;  // a blade that is through; its tip is still in the body
     BladeSweep sweep{};
     std::array<std::optional<TipState>, 1> tips{};  // of this step
   };
@@ -77,7 +78,7 @@ class ElasticReference {
   void read(One& one, const Vector3& tip_m) const;
   void close(const Vector3& tip_m, bool is_closed);
   void hold(One& one, const Vector3& tip_m) const;
-  void pierce(One& one) const;
+  void pierce(One& one, const Vector3& tip_m) const;
   void change_body(One& one) const;
 
   std::vector<std::shared_ptr<const ElasticBody>> whole_;

@@ -101,12 +101,10 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
     if (prepared != nullptr) own.carried_m = prepared->carried.at_m(time_s);
   }
   const bool is_near = own.side.follow(own.surface_of->shape, own.surface_of->bounds, tip_radius_m_,
-                                       reach_m, tip_m - own.carried_m, time_s);
+                                       reach_m, tip_m - own.carried_m, time_s) &&
+                       !is_leaving(own);
   if (!is_near) own.rubbing = {};
-  if (!is_near && !own.is_holding) {
-    own.tip.store({});
-    return;
-  }
+  if (!is_near && !own.is_holding) return own.tip.store({});
   // what the jaws hold comes along, however far
   const SurfaceView view =
       is_near ? own.side.view() : SurfaceView{.distance_m = tip_radius_m_ + reach_m};

@@ -257,13 +257,15 @@ class ElasticTissue {
     double bound_newton = kUnknownNewton;
     Rubbing rubbing{};
     SlippingJaw jaw{};
-    bool is_jaw_led = false;  // by mofc_node
+    bool is_jaw_led = false;         // by mofc_node
+    bool is_felt_elsewhere = false;  // JawInput
     Vector3 jaw_m_per_s = Vector3::Zero();
     bool is_holding = false;
     Piercing piercing{};
     Vector3 inward = -Vector3::UnitZ();  // of the needle or blade
     Vector3 edge = Vector3::UnitZ();     // of the blade
     bool may_pierce = false;
+    bool is_leaving = false;  // a blade that is through; its tip is still in the body
     std::uint32_t punctures = 0;
     // of the slow thread
     Jaw held{};
@@ -309,6 +311,7 @@ class ElasticTissue {
   [[nodiscard]] bool can_be_pierced() const noexcept;
   [[nodiscard]] bool can_be_cut() const noexcept;
   [[nodiscard]] bool is_blade_through(const Tool& own, const GripModel& model) const noexcept;
+  [[nodiscard]] bool is_leaving(Tool& own) const noexcept;
   [[nodiscard]] EdgeInTissue entering() const noexcept;
   void sweep_blades();
   void pierce(Tool& own, const Contact& contact) const noexcept;

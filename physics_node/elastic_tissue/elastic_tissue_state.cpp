@@ -108,6 +108,12 @@ std::optional<bool> ElasticTissue::hold(Tool& own, Contact& contact) const noexc
   own.bound_newton = model->error.bound_newton((at_m - model->place_m).norm());
   contact = grip_contact(*model, *gripper_, body_->tissue, at_m, v_m_per_s, own.jaw.slip_m(),
                          by_others_newton, own.jaw.needle());
+  if (gripper_->is_blade()) {
+    const Vector3& newton = contact.force_on_tool_newton;
+    own.jaw.note_work(own.is_jaw_led ? own.jaw.yielding_newton(newton) : newton, own.tip_m,
+                      own.is_jaw_led || !own.is_felt_elsewhere);
+    own.jaw_command.store(own.jaw.command());
+  }
   return contact.force_on_tool_newton.allFinite();
 }
 
@@ -127,7 +133,7 @@ void ElasticTissue::close_jaws() {
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     const JawCommand command = tools_[i]->jaw_command.load();
     if (tips_[i]) tips_[i]->slip_m = command.slip_m();
-    tools_[i]->held.prepare(*simulation_, i, *gripper_, command, tips_[i]);
+    tools_[i]->held.prepare(*simulation_, i, compliance(), *gripper_, command, tips_[i]);
   }
 }
 

@@ -82,11 +82,12 @@ void Jaw::let_go(ElasticSimulation& simulation, std::size_t tool) {
   ++changes_;
 }
 
-void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool,
+                  elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
                   const JawCommand& command, const std::optional<TipState>& tip) {
   const bool is_this = command.is_closed && command.number == model_.number && tip.has_value();
   if (model_.is_holding() && !is_this) let_go(simulation, tool);
-  if (model_.is_holding() && gripper.is_blade()) follow_slip(simulation, tool, *tip);
+  if (model_.is_holding() && gripper.is_blade()) follow_slip(simulation, tool, command, *tip);
   if (model_.is_holding() && !across_m_.isZero(0.0)) {
     const Vector3 by_m = across_m_ * simulation.step_s() / (simulation.step_s() + kAcross_s);
     simulation.shift(tool, by_m);
@@ -98,7 +99,11 @@ void Jaw::prepare(ElasticSimulation& simulation, std::size_t tool, const Gripper
   if (!tip) return;
   model_.place_m = tip->tip_m - tip->slip_m;
   if (gripper.is_blade()) {
-    begin_blade(simulation, tool, gripper, command, *tip);
+    try {
+      begin_blade(simulation, tool, compliance, gripper, command, *tip);
+    } catch (const std::runtime_error&) {  // without a compliance nothing can be held
+      let_go(simulation, tool);
+    }
   } else {
     hold_around(simulation, tool, gripper, command, *tip);
   }
@@ -236,6 +241,8 @@ void SlippingJaw::set(std::uint32_t closing) noexcept {
   number_ = closing;
   is_lost_ = false;
   slip_m_.setZero();
+  paid_joule_ = 0.0;
+  is_felt_ = false;
 }
 
 Vector3 SlippingJaw::act(const GripModel& model, const GripperConfig& gripper, const Vector3& tip_m,
@@ -259,6 +266,23 @@ void SlippingJaw::follow(const Vector3& slip_m, bool has_let_go) noexcept {
   if (needle_.is_there()) needle_.deepest_m = std::max(needle_.deepest_m, depth_m());
 }
 
+void SlippingJaw::note_work(const Vector3& force_on_tool_newton, const Vector3& tip_m,
+                            bool is_felt) noexcept {
+  if (is_felt && is_felt_) {
+    paid_joule_ -= 0.5 * (force_on_tool_newton + felt_newton_).dot(tip_m - felt_at_m_);
+  }
+  is_felt_ = is_felt;
+  felt_newton_ = force_on_tool_newton;
+  felt_at_m_ = tip_m;
+}
+
+Vector3 SlippingJaw::yielding_newton(const Vector3& force_on_tool_newton) const noexcept {
+  const Vector3& d = needle_.inward_world;
+  const double most_newton =
+      needle_.cutting_newton + needle_.spreading_newton + needle_.friction_newton;
+  return force_on_tool_newton + std::max(0.0, -force_on_tool_newton.dot(d) - most_newton) * d;
+}
+
 JawCommand SlippingJaw::command() const noexcept {
   const Vector3 slip = slip_since_m();
   return {.number = number_,
@@ -270,6 +294,8 @@ JawCommand SlippingJaw::command() const noexcept {
           .edge_y = needle_.edge_world.y(),
           .edge_z = needle_.edge_world.z(),
           .deepest_m = needle_.deepest_m,
+          .paid_joule = paid_joule_,
+          .is_felt = is_felt_,
           .slip_x_m = slip.x(),
           .slip_y_m = slip.y(),
           .slip_z_m = slip.z()};

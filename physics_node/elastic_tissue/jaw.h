@@ -26,6 +26,8 @@ struct JawInput {
   std::optional<GripReport> report{};          ///< of mofc_node, to this physics
   Vector3 inward_world = -Vector3::UnitZ();    ///< where the tip points, or a blade faces; unit
   Vector3 edge_world = Vector3::UnitZ();       ///< of a blade, from the tip on; unit
+  /// mofc_node decides how it slips as soon as it knows of it, and the hand feels nothing before.
+  bool is_felt_elsewhere = false;
 };
 
 /// What the jaws shall do on one body, as a step of the tool knows it.
@@ -38,8 +40,10 @@ struct JawCommand {
   double edge_x = 0.0;  ///< of a blade
   double edge_y = 0.0;
   double edge_z = 0.0;
-  double deepest_m = 0.0;  ///< of its cut
-  double slip_x_m = 0.0;   ///< of the tool since that closing
+  double deepest_m = 0.0;   ///< of its cut
+  double paid_joule = 0.0;  ///< by the hand, since that closing
+  bool is_felt = false;     ///< by the hand
+  double slip_x_m = 0.0;    ///< of the tool since that closing
   double slip_y_m = 0.0;
   double slip_z_m = 0.0;
 
@@ -80,8 +84,8 @@ struct GripModel {
   Matrix3 stiffness_newton_per_m = Matrix3::Identity();
   double relaxation_s = 0.0;         ///< τ
   double stored_energy_joule = 0.0;  ///< in the body, since they closed
-  /// Of a needle, how deep it was when they closed: its tip was so far below the surface that was
-  /// there, less the way of what it holds.
+  /// Of a needle or a blade, how deep it was when they closed: its tip was so far below the surface
+  /// that was there, less the way of what it holds.
   double start_m = 0.0;
   EdgeInTissue edge{};  ///< of a blade
   std::vector<Other> others{};
@@ -114,8 +118,9 @@ struct GripModel {
 /// Takes hold, follows and lets go in full solutions. One thread; allocates.
 class Jaw {
  public:
-  /// Before a step of the body.
-  void prepare(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+  /// Before a step of the body. A blade that cannot be held goes out again.
+  void prepare(ElasticSimulation& simulation, std::size_t tool,
+               elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
                const JawCommand& command, const std::optional<TipState>& tip);
   /// The body has been replaced by what is left of it: whatever the jaws still hold is held. A
   /// blade takes the points that are beside its edge now, and pushes them as it has pushed those
@@ -132,7 +137,7 @@ class Jaw {
   /// follow_slip
   /// @param slip_m  as the steps of the tool say, since the closing
   [[nodiscard]] Vector3 slip_in_tissue_m(const Vector3& slip_m) const noexcept {
-    return slip_m - behind_m_ * blade_.facing;
+    return slip_m - (behind_m_ + unpaid_m_) * blade_.facing;
   }
   /// After it, and after all tools have been prepared. Makes the stiffness, where the grips of the
   /// body are others than before.
@@ -176,9 +181,11 @@ class Jaw {
                                         const Vector3& slip_m, const Vector3& origin_m) const;
   void move_beside(ElasticSimulation& simulation, std::size_t tool,
                    elastic::SurfaceCompliance& compliance, const GripperConfig& gripper);
-  void begin_blade(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+  void begin_blade(ElasticSimulation& simulation, std::size_t tool,
+                   elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
                    const JawCommand& command, const TipState& tip);
-  void follow_slip(ElasticSimulation& simulation, std::size_t tool, const TipState& tip);
+  void follow_slip(ElasticSimulation& simulation, std::size_t tool, const JawCommand& command,
+                   const TipState& tip);
   [[nodiscard]] double regain(double step_s);
   [[nodiscard]] double explained_m(const ElasticSimulation& simulation, std::size_t tool,
                                    const Vector3& at_m) const noexcept;
@@ -201,7 +208,10 @@ class Jaw {
     Vector3 tip_m = Vector3::Zero();
     Vector3 tip_before_m = Vector3::Zero();  // in the solution before
     double rest_joule = 0.0;                 // in the body, without the blade
-    double lost_joule = 0.0;      // work − stored − cut: where it is < 0, it has cut unpaid
+    double lost_joule = 0.0;  // work − stored − cut: where it is < 0, it has cut unpaid
+    double left_joule = 0.0;  // of the work that the hand has felt, after cuts and friction
+    double paid_joule = 0.0;  // by the hand, now
+    double paid_before_joule = 0.0;
     double short_m = 0.0;         // that since a next body it pushes less far than it is
     double released_joule = 0.0;  // by next bodies, that it has not pushed with again
     // in this step: by the cut, by spreading and friction, and by what it has pushed with again
@@ -220,7 +230,8 @@ class Jaw {
   }
   static constexpr double kReleased_s = 0.2;
   BladeBooks books_;
-  double behind_m_ = 0.0;                // of its slip, what has not cut
+  double behind_m_ = 0.0;                // of its slip, what has not cut, but pushes
+  double unpaid_m_ = 0.0;                // of its slip, what has neither cut nor pushes
   std::vector<Matrix3> stiffness_with_;  // of each tool of the body, at rest
   std::optional<Measured> measured_;
   Vector3 across_m_ = Vector3::Zero();  // that a needle still slides to where it would be at rest
@@ -260,6 +271,11 @@ class SlippingJaw {
                             const Vector3& by_others_newton = Vector3::Zero()) noexcept;
   /// Somebody else decides.
   void follow(const Vector3& slip_m, bool has_let_go) noexcept;
+  /// After that or act(): the work of the hand on a blade.
+  /// @param is_felt  by the hand
+  void note_work(const Vector3& force_on_tool_newton, const Vector3& tip_m, bool is_felt) noexcept;
+  /// Of what mofc_node renders: against its way at most that at which the blade yields.
+  [[nodiscard]] Vector3 yielding_newton(const Vector3& force_on_tool_newton) const noexcept;
   [[nodiscard]] JawCommand command() const noexcept;
   /// Of hop 3: of a needle since it was at the surface.
   [[nodiscard]] const Vector3& slip_m() const noexcept { return slip_m_; }
@@ -298,6 +314,10 @@ class SlippingJaw {
   NeedleLaw needle_{};
   bool has_begun_ = false;
   double start_m_ = 0.0;
+  double paid_joule_ = 0.0;
+  bool is_felt_ = false;  // in the last note_work()
+  Vector3 felt_newton_ = Vector3::Zero();
+  Vector3 felt_at_m_ = Vector3::Zero();
 };
 
 }  // namespace palpate::physics

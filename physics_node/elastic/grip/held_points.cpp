@@ -4,12 +4,45 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace palpate::elastic {
 namespace {
 
 constexpr double kMostChange = 3.0;
+
+/// At most so many of these, spread evenly over the surface on which they lie: each the farthest
+/// from all that have been taken. The two faces of a cut, which lie on each other in the body at
+/// rest, are as far apart as the blade reaches. So the part of the surface that a blade holds does
+/// not depend on how many points the mesh has there.
+/// @param near  distance from the edge and index of the point, by distance
+std::vector<std::size_t> spread_over(const std::vector<std::pair<double, std::size_t>>& near,
+                                     const std::vector<SurfacePoint>& points, const double* rest_m,
+                                     double reach_m, std::size_t most) {
+  std::vector<std::size_t> taken;
+  if (near.size() <= most) {
+    for (const auto& [distance_m, i] : near) taken.push_back(i);
+    return taken;
+  }
+  using Place = Eigen::Matrix<double, 6, 1>;
+  std::vector<Place> places(near.size());
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    const SurfacePoint& point = points[near[i].second];
+    places[i] << point.position_m(rest_m), 0.5 * reach_m * point.outward(rest_m);
+  }
+  std::vector<double> away2_m2(near.size(), std::numeric_limits<double>::infinity());
+  std::size_t next = 0;
+  while (taken.size() < most) {
+    taken.push_back(near[next].second);
+    const Place& last = places[next];
+    for (std::size_t i = 0; i < near.size(); ++i) {
+      away2_m2[i] = std::min(away2_m2[i], (places[i] - last).squaredNorm());
+      if (away2_m2[i] > away2_m2[next]) next = i;
+    }
+  }
+  return taken;
+}
 
 }  // namespace
 
@@ -24,9 +57,8 @@ std::size_t HeldPoints::take_beside(const std::vector<SurfacePoint>& points, con
   }
   if (near.empty()) return 0;
   std::sort(near.begin(), near.end());
-  near.resize(std::min(near.size(), most));
   held_.clear();
-  for (const auto& [distance_m, i] : near) {
+  for (const std::size_t i : spread_over(near, points, rest_m, reach_m, most)) {
     held_.push_back(
         {.point = points[i], .index = i, .away_m = points[i].position_m(rest_m) - origin_m});
   }

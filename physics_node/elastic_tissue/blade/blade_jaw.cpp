@@ -37,7 +37,10 @@ bool is_like_at_rest(const Matrix3& stiffness_newton_per_m, const Matrix3& at_re
          ratios.eigenvalues()[2] < kMostOther;
 }
 
-void Jaw::begin_blade(ElasticSimulation& simulation, std::size_t tool, const GripperConfig& gripper,
+/// The edge pushes as far as the energy goes that the tip has stored by pressing. For the rest it
+/// is short: it is longer than the tip was wide, so that the same way would take more.
+void Jaw::begin_blade(ElasticSimulation& simulation, std::size_t tool,
+                      elastic::SurfaceCompliance& compliance, const GripperConfig& gripper,
                       const JawCommand& command, const TipState& tip) {
   const Vector3 facing = command.inward();
   blade_ = {.from_m = tip.place_m + simulation.tip_radius_m() * facing,
@@ -46,7 +49,7 @@ void Jaw::begin_blade(ElasticSimulation& simulation, std::size_t tool, const Gri
             .length_m = gripper.blade_length_m};
   const Vector3 way_m = tip.tip_m - tip.place_m;
   deepest_m_ = command.deepest_m;
-  behind_m_ = 0.0;
+  behind_m_ = unpaid_m_ = 0.0;
   books_ = {.home_m = facing.dot(tip.place_m),
             .deepest_m = command.deepest_m,
             .tip_m = tip.tip_m,
@@ -55,9 +58,17 @@ void Jaw::begin_blade(ElasticSimulation& simulation, std::size_t tool, const Gri
   const double pressed_joule =
       kPressedShare * std::max(0.0, -simulation.touch(tool).force_on_tool_newton.dot(way_m));
   books_.rest_joule = simulation.stored_joule() - pressed_joule;
+  books_.left_joule = pressed_joule;
   model_.points = static_cast<std::uint32_t>(
       hold_beside(simulation, tool, gripper, tip.tip_m - tip.slip_m, tip.slip_m,
                   tip.place_m + way_m - way_m.dot(facing) * facing));
+  if (model_.points == 0) return;
+  const Matrix3 K = elastic::grip_stiffness_newton_per_m(compliance, simulation.held(), tool)[tool];
+  const double stiff = facing.dot(K * facing);
+  books_.short_m =
+      std::max(0.0, way_m.dot(facing) - std::sqrt(2.0 * pressed_joule / std::max(stiff, 1e-9)));
+  simulation.shift(tool, -books_.short_m * facing);
+  model_.start_m = books_.short_m;
 }
 
 /// The points beside the edge of a blade that has slipped so far.
@@ -151,10 +162,14 @@ double Jaw::regain(double step_s) {
 /// The steps of the tool know of the body what an earlier solution says of it. Of the slip beyond
 /// what it has cut, a blade follows so much as the solutions explain: until its push is no more
 /// than what cutting takes, as an implicit step. For the rest its edge stays behind, and pushes the
-/// more, until they do.
-void Jaw::follow_slip(ElasticSimulation& simulation, std::size_t tool, const TipState& tip) {
+/// more, until they do. What the hand has not paid for is slip that neither cuts nor pushes: that
+/// of a blade of which mofc_node does not know yet, and later as much as it takes until what
+/// has been cut is paid for.
+void Jaw::follow_slip(ElasticSimulation& simulation, std::size_t tool, const JawCommand& command,
+                      const TipState& tip) {
   const Vector3& f = blade_.facing;
-  const double depth_m = tip.slip_m.dot(f);
+  const double depth_m = tip.slip_m.dot(f) - unpaid_m_;
+  books_.paid_joule = command.paid_joule;
   const ElasticMaterial::Pierced& tissue = *simulation.body().pierced;
   const double rubs_newton = tissue.spreading_ratio * model_.edge.newton +
                              tissue.friction_newton_per_m * model_.edge.length_m;
@@ -171,7 +186,13 @@ void Jaw::follow_slip(ElasticSimulation& simulation, std::size_t tool, const Tip
     const double behind_m = std::max(0.0, asked_m - allowed_m);
     more_m += behind_m - behind_m_;
     behind_m_ = behind_m;
-    books_.deepest_m = std::max(books_.deepest_m, depth_m - behind_m_);
+    const double cut_m = std::max(0.0, depth_m - behind_m_ - books_.deepest_m);
+    double unpaid_m = command.is_felt ? 0.0 : cut_m;
+    if (books_.left_joule < 0.0) {
+      unpaid_m = std::max(unpaid_m, std::min(cut_m, -books_.left_joule / model_.edge.newton));
+    }
+    unpaid_m_ += unpaid_m;
+    books_.deepest_m += cut_m - unpaid_m;
   }
   if (more_m == 0.0) return;
   simulation.shift(tool, more_m * f);
@@ -211,6 +232,13 @@ void Jaw::keep_books(const Seen& now, double step_s, bool is_alone) noexcept {
   const double rubbed_joule = std::exchange(books_.rubbed_joule, 0.0);
   const double pushed_joule = std::exchange(books_.pushed_joule, 0.0);
   const double cut_joule = std::exchange(books_.cut_joule, 0.0);
+  // of the work of the hand more may be left than the body has stored by a little only
+  books_.left_joule +=
+      books_.paid_joule - std::exchange(books_.paid_before_joule, books_.paid_joule);
+  books_.left_joule -= rubbed_joule + cut_joule;
+  const double most_credit_joule = kMostCredit_m * model_.edge.newton;
+  books_.left_joule = std::min(
+      books_.left_joule, most_credit_joule + std::max(0.0, now.stored_joule - books_.rest_joule));
   books_.is_alone = is_alone;
   if (!is_known || !is_alone) return;
   // the hand does not push harder than what cuts, however late the solution is
@@ -227,7 +255,7 @@ void Jaw::keep_books(const Seen& now, double step_s, bool is_alone) noexcept {
   } else if (books_.released_joule < 0.0) {
     lost_joule += std::exchange(books_.released_joule, 0.0);
   }
-  books_.lost_joule = std::min(books_.lost_joule + lost_joule, kMostCredit_m * model_.edge.newton);
+  books_.lost_joule = std::min(books_.lost_joule + lost_joule, most_credit_joule);
 }
 
 }  // namespace palpate::physics

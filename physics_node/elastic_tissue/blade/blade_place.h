@@ -21,6 +21,7 @@ struct EdgeInTissue {
   double length_m = 0.0;
   double newton = 0.0;     ///< Σ toughness × length: what a way across it takes
   double cut_joule = 0.0;  ///< that its last way took
+  double deepest_m = 0.0;  ///< that it has cut, from where it went in
 };
 
 }  // namespace palpate::physics

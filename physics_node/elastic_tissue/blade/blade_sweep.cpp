@@ -13,6 +13,9 @@ namespace {
 
 // What the edge will cut next is that of the tissue so far ahead of it.
 constexpr double kAhead_m = 2e-4;
+// What it sweeps is summed up in steps of this length.
+constexpr double kSweepStep_m = 5e-4;
+constexpr double kMostSweepSteps = 64.0;
 // The edge may lie in faces of the mesh, which belong to two elements: it is looked for beside
 // them.
 const Vector3 kBeside_m(0.61e-7, 0.37e-7, 0.43e-7);
@@ -141,17 +144,30 @@ BladeSweep::Step BladeSweep::advance(const Vector3& slip_of_blade_m, const Elast
     step.sweep.cut.push_back(faces_[next_].side);
     step.sweep.cut_m2 += faces_[next_].projected_m2;
   }
-  slip_m_ = slip_m;
-  const Vector3 ahead_m = from_m() + kAhead_m * place_.facing;
   std::vector<std::uint32_t> there;
   std::set_intersection(elements_.begin(), elements_.end(), present.elements.begin(),
                         present.elements.end(), std::back_inserter(there));
-  step.ahead =
-      edge_in_tissue(whole, there, tissue, ahead_m, ahead_m + place_.length_m * place_.along);
+  const auto edge_at = [&](const Vector3& at_m) {
+    const Vector3 from = place_.from_m + at_m + kAhead_m * place_.facing;
+    return edge_in_tissue(whole, there, tissue, from, from + place_.length_m * place_.along);
+  };
+  step.ahead = edge_at(slip_m);
   const double further_m = std::max(0.0, depth_m - deepest_m_);
-  step.sweep.swept_m2 = further_m * step.ahead.length_m;
-  step.sweep.joule = further_m * step.ahead.newton;
+  if (further_m > 0.0) {
+    // the part of the way that is beyond what was cut, from its end backward
+    const Vector3 way_m = further_m < depth_m - before_m
+                              ? Vector3(further_m / (depth_m - before_m) * (slip_m - slip_m_))
+                              : Vector3(slip_m - slip_m_);
+    const double steps = std::clamp(std::ceil(further_m / kSweepStep_m), 1.0, kMostSweepSteps);
+    for (double i = 0.5; i < steps; ++i) {
+      const EdgeInTissue edge = steps > 1.0 ? edge_at(slip_m - i / steps * way_m) : step.ahead;
+      step.sweep.swept_m2 += further_m / steps * edge.length_m;
+      step.sweep.joule += further_m / steps * edge.newton;
+    }
+  }
+  slip_m_ = slip_m;
   deepest_m_ += further_m;
+  step.ahead.deepest_m = deepest_m_;
   step.sweep.from_m = from_m();
   step.sweep.to_m = to_m();
   return step;

@@ -14,6 +14,15 @@ bool ElasticTissue::is_blade_through(const Tool& own, const GripModel& model) co
   return gripper_->is_blade() && own.jaw.holds(model) && !(model.edge.length_m > 0.0);
 }
 
+/// The edge is in front of the tip. Where it has left the body, the tip follows through what the
+/// edge has cut, and touches nothing until it is out.
+bool ElasticTissue::is_leaving(Tool& own) const noexcept {
+  if (!own.is_leaving) return false;
+  own.is_leaving = own.side.view().distance_m < tip_radius_m_;
+  if (own.is_leaving) own.side = {};
+  return own.is_leaving;
+}
+
 /// Of the edge, until a full solution has found how much of it is in.
 EdgeInTissue ElasticTissue::entering() const noexcept {
   const double length_m = gripper_->needle_width_m;

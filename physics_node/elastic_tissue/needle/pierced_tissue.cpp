@@ -20,6 +20,7 @@ void ElasticTissue::set_needle(std::size_t tool, const JawInput& input, bool may
   own.inward = input.inward_world;
   own.edge = input.edge_world;
   own.may_pierce = may_pierce && can_be_pierced();
+  own.is_felt_elsewhere = input.is_felt_elsewhere;
   own.is_jaw_led = own.jaw.is_closed() && input.report && input.report->number == own.jaw.number();
   if (own.is_jaw_led) own.jaw.follow(input.report->slip_m, input.report->has_let_go);
   own.jaw_command.store(own.jaw.command());
@@ -29,10 +30,14 @@ void ElasticTissue::set_needle(std::size_t tool, const JawInput& input, bool may
 void ElasticTissue::pierce(Tool& own, const Contact& contact) const noexcept {
   if (!own.may_pierce || own.jaw.is_closed()) return;
   const Piercing::Laws laws{.tissue = *whole_->pierced, .needle = *gripper_};
-  if (!own.piercing.presses(laws, contact.force_on_tool_newton, own.side.place_m(), own.inward,
-                            tip_radius_m_)) {
-    return;
+  Vector3 newton = contact.force_on_tool_newton;
+  const Prepared* const prepared = own.prepared.newest();
+  if (prepared != nullptr && !prepared->waiting.isZero(0.0)) {
+    const Vector3 further_m =
+        own.tip_m - prepared->carried.since_m(own.time_s) - prepared->centre_m;
+    newton *= force_ratio_ahead(contact.penetration_m, -own.side.view().normal.dot(further_m));
   }
+  if (!own.piercing.presses(laws, newton, own.side.place_m(), own.inward, tip_radius_m_)) return;
   own.jaw.set(kMostTissues * ++own.punctures + whole_->tissue % kMostTissues);
   NeedleLaw& law = own.jaw.start_needle();
   own.piercing.update(laws, 0.0, law);
@@ -46,10 +51,15 @@ bool ElasticTissue::stays_in(Tool& own, const GripModel& model) const noexcept {
   const bool has_nothing = model.number == own.jaw.number() && !model.is_holding();
   const bool is_through = is_blade_through(own, model);
   if (own.jaw.is_closed() && (has_nothing || is_through || own.jaw.is_lost())) {
-    own.piercing.leave(own.jaw.needle());
+    NeedleLaw& law = own.jaw.needle();
+    if (gripper_->is_blade()) law.deepest_m = std::min(law.deepest_m, model.edge.deepest_m);
+    own.piercing.leave(law);
     own.jaw.set(0);
     own.jaw_command.store(own.jaw.command());
-    if (is_through) own.side = {};  // it may be on another side of the body
+    if (is_through) {  // it may be on another side of the body
+      own.side = {};
+      own.is_leaving = true;
+    }
   }
   if (!own.jaw.holds(model)) return false;
   own.jaw.begin(model);

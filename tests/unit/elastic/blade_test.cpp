@@ -208,7 +208,8 @@ class BladeHand {
     elastic_->step(0, tip_m_, time_s_, kBladeReach_m, force,
                    {.velocity_m_per_s = way_m / kBladeTick_s,
                     .report = report,
-                    .inward_world = Vector3::UnitX()});
+                    .inward_world = Vector3::UnitX(),
+                    .is_felt_elsewhere = is_felt_elsewhere_});
     const Vector3 before = newton_;
     const double depth_m = this->depth_m();
     newton_ = force.force_on_tool_newton;
@@ -222,6 +223,8 @@ class BladeHand {
     swept_m2_ += further_m * (kCutDepth_m - contact_->grip.slip_m.z());
     deepest_m_ += further_m;
   }
+  /// The hand feels what mofc_node computes, once that knows of the blade.
+  void be_far_away() { is_felt_elsewhere_ = true; }
   /// From now on mofc_node says how far it has slipped.
   void report_slip(const Vector3& slip_m) { reported_slip_m_ = slip_m; }
   [[nodiscard]] Vector3 slip_m() const {
@@ -263,6 +266,7 @@ class BladeHand {
   double deepest_m_ = 0.0;
   std::optional<Contact> contact_;
   std::optional<Vector3> reported_slip_m_;
+  bool is_felt_elsewhere_ = false;
 };
 
 std::shared_ptr<const ElasticBody> body_of(const SceneConfig& scene) {
@@ -449,6 +453,89 @@ TEST_P(ClosedCuts, TakeNoLessThanToughnessTimesAreaAndLittleMore) {
   EXPECT_LT(figures.swept_m2, 1.15 * 0.038 * kCutDepth_m);
   EXPECT_GT(figures.swept_m2, 0.5 * 0.038 * kCutDepth_m);
   EXPECT_EQ(hand.tissue().figures().failed, 0U);
+}
+
+// The part of the surface that a blade holds is that within its reach, however many points the mesh
+// has there: so the tissue gives way as far, and as much is cut.
+TEST_F(BladeScene, OnTheSameWayAsMuchIsCutWhateverTheElements) {
+  if (test::kIsSanitized) GTEST_SKIP() << "too slow";
+  struct Elements {
+    std::array<int, 3> cells;
+    bool is_linear;
+    std::uint32_t most_points;
+  };
+  std::vector<double> swept_m2;
+  for (const Elements& one : {Elements{{15, 7, 5}, true, 64}, Elements{{20, 10, 7}, true, 64},
+                              Elements{{10, 5, 4}, false, 64}, Elements{{15, 7, 5}, true, 16}}) {
+    set(one.cells[0], one.cells[1], one.cells[2]);
+    std::get<ElasticMaterial>(scene_.tissues[0].material).is_linear = one.is_linear;
+    scene_.blade->most_points = one.most_points;
+    BladeHand hand(scene_);
+    hand.go_to(0.006);
+    hand.wait(0.3);
+    swept_m2.push_back(hand.tissue().ablation().figures().swept_m2);
+    std::printf("swept %.0f mm2\n", 1e6 * swept_m2.back());
+    // of 38 mm, less what the tissue gives way
+    EXPECT_GT(swept_m2.back(), 0.85 * 0.038 * kCutDepth_m);
+    EXPECT_LT(swept_m2.back(), 0.038 * kCutDepth_m);
+    EXPECT_NEAR(swept_m2.back(), swept_m2.front(), 0.05 * swept_m2.front());
+  }
+}
+
+// Tissue so soft that the full solution cannot follow the tip until the membrane gives way: the
+// sphere waits, and the tip pushes the more.
+TEST_F(BladeScene, GoesInWhereTheSolutionCannotFollowItsTip) {
+  std::get<ElasticMaterial>(scene_.tissues[0].material).young_pa = 5e3;
+  pierced().membrane_newton = 1.0;
+  BladeHand hand(scene_);
+  hand.go_to(-0.020);
+  EXPECT_FALSE(hand.is_in());
+  EXPECT_GT(hand.newton().x(), -1.0);
+  hand.go_to(0.0);
+  EXPECT_TRUE(hand.is_in());
+}
+
+// A hand that has felt nothing of the blade has paid for nothing that it would have cut.
+TEST_F(BladeScene, CutsNothingThatTheHandHasNotPaidFor) {
+  BladeHand hand(scene_);
+  hand.be_far_away();
+  hand.go_to(Vector3(0.006, 0.001, -kCutDepth_m), 0.2);
+  ASSERT_TRUE(hand.is_in());
+  EXPECT_GT(hand.depth_m(), 0.025);
+  EXPECT_EQ(hand.cut_joule(), 0.0);
+  // mofc_node knows of it now, and holds it there
+  for (int i = 0; i < 30; ++i) {
+    hand.report_slip(hand.slip_m());
+    hand.wait(0.01);
+    ASSERT_TRUE(hand.is_in());
+    ASSERT_LT(hand.newton().norm(), 2.0 * kCutForce_newton);
+  }
+  // what the tip has pressed before it went in, at most
+  EXPECT_LT(hand.cut_joule(), 1.5e-3);
+  // out against no force: the tissue may give back that, but not what nobody has cut
+  hand.go_to(Vector3(-0.040, 0.001, -kCutDepth_m), 0.2);
+  EXPECT_LT(hand.cut_joule(), 1.5e-3);
+}
+
+// As geometry says, whether it takes many steps or one that ends beyond the body.
+TEST_F(BladeScene, WhatIsSweptInOneStepIsWhatLiesInTheBody) {
+  const auto body = body_of(scene_);
+  const AblatedBody whole = whole_body(std::make_shared<BodyCompliance>(body));
+  for (const double step_m : {0.001, 0.008, 0.035, 0.070}) {
+    BladeSweep sweep;
+    sweep.begin(1,
+                {.from_m = {-0.034, 0.001, -0.008},
+                 .facing = Vector3::UnitX(),
+                 .along = Vector3::UnitZ(),
+                 .length_m = kBladeEdge_m},
+                *body, elastic::opposite_sides(body->body->mesh()), 0.0);
+    double swept_m2 = 0.0;
+    for (double x_m = step_m; x_m < 0.0701; x_m += step_m) {
+      const auto step = sweep.advance({x_m, 0, 0}, *body, whole, *body->pierced);
+      swept_m2 += step.sweep.swept_m2;
+    }
+    EXPECT_NEAR(swept_m2, 0.06 * kCutDepth_m, 0.02 * 0.06 * kCutDepth_m) << step_m;
+  }
 }
 
 // A slip that no force explains, of a tool that stands still: the edge stays where it is.
@@ -655,6 +742,25 @@ TEST_F(BladeScene, GoesThroughAndIsOutOnTheOtherSide) {
   EXPECT_NEAR(hand.tissue().ablation().figures().swept_m2, 0.06 * kCutDepth_m,
               0.15 * 0.06 * kCutDepth_m);
   EXPECT_EQ(hand.tissue().figures().failed, 0U);
+}
+
+// Its edge is in front of its tip, which is still in the body when that is out.
+TEST_F(BladeScene, WhereTheEdgeHasLeftTheTipIsNotThrownAside) {
+  BladeHand hand(scene_);
+  hand.go_to(0.020);
+  ASSERT_TRUE(hand.is_in());
+  bool has_left = false;
+  for (double x_m = 0.020; x_m < 0.040; x_m += 5e-4) {
+    hand.go_to(x_m);
+    has_left = has_left || !hand.is_in();
+    if (has_left) {
+      EXPECT_EQ(hand.newton(), Vector3::Zero()) << x_m;
+    }
+  }
+  EXPECT_TRUE(has_left);
+  // from there it touches as ever
+  hand.go_to(0.029);
+  EXPECT_GT(hand.newton().x(), 0.0);
 }
 
 TEST_F(BladeScene, RestoreMakesItWhole) {

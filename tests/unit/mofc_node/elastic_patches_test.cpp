@@ -337,6 +337,7 @@ TEST_F(HalfSpacePatch, ChangesTheForceOfANewStateNoFasterThanTheBound) {
 // Until there is a patch again the contact model of the Interaction counts, here none.
 class PatchThatEnds : public HalfSpacePatch {
  protected:
+  static constexpr double kSlowNewtonPerS = 5.0;  // so that it takes 70 ms
   /// Both by the fixture's patches, which are of another store, and by the model.
   void receive(const auto& news) {
     send(news);
@@ -357,7 +358,7 @@ class PatchThatEnds : public HalfSpacePatch {
     for (const ElasticPoint& point : points_) receive(point);
     receive(state_);
     double newton = 0.0;
-    for (int tick = 0; tick < 40; ++tick) newton = newton_at(std::min(3e-3, 1e-4 * tick));
+    for (int tick = 0; tick < 120; ++tick) newton = newton_at(std::min(3e-3, 1e-4 * tick));
     return newton;
   }
   void expect_to_fade_within_the_bound(double before) {
@@ -365,15 +366,15 @@ class PatchThatEnds : public HalfSpacePatch {
     int ticks = 0;
     for (; before > 0.0 && ticks < 100; ++ticks) {
       const double newton = newton_at(3e-3);
-      ASSERT_LE(std::abs(newton - before), kNewtonPerS * kTick_s + 1e-9);
+      ASSERT_LE(std::abs(newton - before), kSlowNewtonPerS * kTick_s + 1e-9);
       before = newton;
     }
     EXPECT_EQ(before, 0.0);
-    EXPECT_GT(ticks, 2);
+    EXPECT_GT(ticks, 50);
   }
 
  private:
-  TissueModel model_{true, kNewtonPerS, 1, from_seconds(kTick_s)};
+  TissueModel model_{true, kSlowNewtonPerS, 1, from_seconds(kTick_s)};
 };
 
 // A body of which something has vanished is described anew, point by point.
@@ -400,7 +401,7 @@ TEST_F(PatchThatEnds, WithAStateWithoutRadiusFadesNoFasterThanTheBoundAndBeginsA
   state_.number = 3;
   receive(state_);
   double again = 0.0;
-  for (int tick = 0; tick < 40; ++tick) again = newton_at(3e-3);
+  for (int tick = 0; tick < 120; ++tick) again = newton_at(3e-3);
   EXPECT_NEAR(again, newton, 0.01 * newton);
 }
 
