@@ -79,6 +79,10 @@ struct ElasticMaterial {
     RegionGeometry where{};  ///< faces whose centroid lies there
     double stiffness_pa_per_m = 0.0;
     double toughness_joule_per_m2 = 0.0;  ///< 0: they do not tear
+    /// Index of another elastic tissue in the scene that it is tied to; none: to what stands still.
+    std::optional<std::size_t> tissue{};
+    double gap_m = 1e-3;       ///< of faces that are tied, from the other surface
+    bool is_anywhere = false;  ///< `where` does not count
   };
   /// Another tissue of the scene, whose surface it cannot go through.
   struct Touches {

@@ -225,9 +225,10 @@ bool Body::has_inverted_element(const VectorXd& x_m) const {
 double Body::add_attachments(const double* x_m, const double* before_m, double step_s,
                              double* gradient) const noexcept {
   const double viscosity_s = description_.materials.front().stiffness_damping_s;
-  const double rate = step_s > 0.0 ? viscosity_s / step_s : 0.0;
+  const double viscous_rate = step_s > 0.0 ? viscosity_s / step_s : 0.0;
   double energy = 0.0;
   for (const Attachment& one : description_.attachments) {
+    const double rate = one.is_tie() ? 0.0 : viscous_rate;
     const Eigen::Index first = 3 * Eigen::Index{one.node};
     for (Eigen::Index k = first; k < first + 3; ++k) {
       const double away = x_m[k] - rest_m_[k];
@@ -346,10 +347,11 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
     for (int i = 0; i < 9; i += 4) block[i] += add;
   }
   const double viscosity_s = description_.materials.front().stiffness_damping_s;
-  const double scale = 1.0 + shift.stiffening + shift.per_viscosity * viscosity_s;
+  const double viscous = 1.0 + shift.stiffening + shift.per_viscosity * viscosity_s;
   for (const Attachment& one : description_.attachments) {
     const std::int32_t row = pattern_.row_of[one.node];
     if (row < 0) continue;
+    const double scale = one.is_tie() ? 1.0 + shift.stiffening : viscous;
     double* block = values.data() + 9 * std::size_t{pattern_.starts[static_cast<std::size_t>(row)]};
     for (int i = 0; i < 9; i += 4) block[i] += scale * one.stiffness_newton_per_m;
   }

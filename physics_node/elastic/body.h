@@ -18,7 +18,8 @@ namespace palpate::elastic {
 using Eigen::VectorXd;
 
 /// A spring from a node to its place in the mesh, equally stiff in all directions; in this place it
-/// has no force. It has the viscosity of the first material and relaxes with the branches.
+/// has no force. It has the viscosity of the first material and relaxes with the branches, unless
+/// it ties the body to another one.
 struct Attachment {
   std::uint32_t node = 0;
   double stiffness_newton_per_m = 0.0;
@@ -27,8 +28,11 @@ struct Attachment {
   double softens_at_m = 0.0;             ///< δ₀
   Vector3d outward = Vector3d::UnitZ();  ///< of the body, towards what it is attached to
   std::uint32_t index = 0;               ///< ascending; the same in all bodies made of one
+  /// Of one to another body, which takes its place along @see Tie: index of that place; −1: none
+  std::int32_t tie = -1;
 
   [[nodiscard]] bool tears() const noexcept { return intact_newton_per_m > 0.0; }
+  [[nodiscard]] bool is_tie() const noexcept { return tie >= 0; }
 };
 
 struct BodyDescription {

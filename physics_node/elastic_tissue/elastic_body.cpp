@@ -17,6 +17,7 @@
 #include "physics_node/elastic/attached/tearing.h"
 #include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic/support.h"
+#include "physics_node/elastic_tissue/attached/held_mesh.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/mesh_place.h"
 #include "physics_node/elastic_tissue/touching/neighbors.h"
@@ -66,26 +67,6 @@ elastic::Material material_of(const ElasticMaterial& given, double young_pa, dou
           .density_kg_per_m3 = density_kg_per_m3,
           .mass_damping_per_s = given.mass_damping_per_s,
           .stiffness_damping_s = given.viscosity_s};
-}
-
-/// The mesh in W, its elements in their parts.
-elastic::Mesh mesh_of(const TetrahedralMesh& read, const FileGeometry& geometry,
-                      const ElasticMaterial& material) {
-  elastic::Mesh mesh;
-  for (const Vector3& node_m : read.nodes_m) {
-    mesh.nodes_m.emplace_back(geometry.position_m + geometry.rotation * node_m);
-  }
-  for (const auto& corners : read.tetrahedra) {
-    mesh.elements.insert(mesh.elements.end(), corners.begin(), corners.end());
-  }
-  mesh.regions.resize(read.tetrahedra.size(), 0);
-  for (std::size_t i = 0; i < material.parts.size(); ++i) {
-    const MeshPlace place(material.parts[i].where, read, mesh);
-    for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
-      if (place.has_element(e)) mesh.regions[e] = static_cast<std::uint8_t>(i + 1);
-    }
-  }
-  return material.is_linear ? mesh : elastic::quadratic(mesh);
 }
 
 /// Points so dense that those of a condensed contact cover half of the tip.
@@ -151,85 +132,6 @@ void add_parts(const elastic::Mesh& mesh, ElasticBody& body) {
     body.shown_nodes.insert(body.shown_nodes.end(), nodes.begin(), nodes.end());
     body.parts.push_back(std::move(part));
   }
-}
-
-/// A field of the session that catches nothing.
-std::string idle_place(const char* field, std::size_t index, const char* what) {
-  return "elastic." + std::string(field) + "[" + std::to_string(index) + "] " + what +
-         "; correct the place, in metres in W, or leave it out";
-}
-
-/// Fixes and attaches the body. @return what holds nothing, a sentence each
-std::vector<std::string> hold(const TetrahedralMesh& read, const ElasticMaterial& material,
-                              elastic::BodyDescription& body) {
-  const elastic::Mesh& mesh = body.mesh;
-  std::vector<std::string> idle;
-  std::vector<bool> is_fixed(mesh.nodes_m.size(), false);
-  for (std::size_t i = 0; i < material.fixed.size(); ++i) {
-    const std::vector<std::uint32_t> nodes = MeshPlace(material.fixed[i], read, mesh).nodes();
-    for (const std::uint32_t node : nodes) is_fixed[node] = true;
-    if (nodes.empty()) idle.push_back(idle_place("fixed", i, "holds nothing: no node lies there"));
-  }
-  for (std::uint32_t node = 0; node < is_fixed.size(); ++node) {
-    if (is_fixed[node]) body.fixed_nodes.push_back(node);
-  }
-  if (material.attached.empty()) return idle;
-  const std::vector<elastic::Face> faces = elastic::surface_of(mesh);
-  // thirds of a face's area, at its corners or, of quadratic elements, in the middle of its edges,
-  // which is exact for linear displacements
-  const std::size_t first = mesh.nodes_per_element == 4 ? 0 : 3;
-  std::vector<double> of_nodes(mesh.nodes_m.size(), 0.0);  // N/m
-  std::vector<elastic::Attachment> tearing;
-  for (std::size_t i = 0; i < material.attached.size(); ++i) {
-    const MeshPlace place(material.attached[i].where, read, mesh);
-    const double k_pa_per_m = material.attached[i].stiffness_pa_per_m;
-    const double toughness = material.attached[i].toughness_joule_per_m2;
-    struct Patch {
-      double area_m2 = 0.0;
-      Vector3 normal_m2 = Vector3::Zero();
-    };
-    std::map<std::uint32_t, Patch> patches;  // of what tears, by node
-    bool has_face = false;
-    bool has_free_node = false;
-    for (const elastic::Face& face : faces) {
-      if (!place.has_face(face)) continue;
-      has_face = true;
-      const Vector3& corner_m = mesh.nodes_m[face.nodes[0]];
-      const Vector3 area_m2 =
-          0.5 *
-          (mesh.nodes_m[face.nodes[1]] - corner_m).cross(mesh.nodes_m[face.nodes[2]] - corner_m);
-      for (std::size_t k = first; k < first + 3; ++k) {
-        const std::uint32_t node = face.nodes[k];
-        if (is_fixed[node]) continue;
-        has_free_node = true;
-        if (toughness > 0.0) {
-          patches[node].area_m2 += area_m2.norm() / 3.0;
-          patches[node].normal_m2 += area_m2;
-        } else {
-          of_nodes[node] += k_pa_per_m * area_m2.norm() / 3.0;
-        }
-      }
-    }
-    for (const auto& [node, patch] : patches) {
-      const double newton_per_m = k_pa_per_m * patch.area_m2;
-      tearing.push_back({.node = node,
-                         .stiffness_newton_per_m = newton_per_m,
-                         .intact_newton_per_m = newton_per_m,
-                         .softens_at_m = std::sqrt(toughness / k_pa_per_m),
-                         .outward = patch.normal_m2.normalized(),
-                         .index = static_cast<std::uint32_t>(tearing.size())});
-    }
-    if (!has_face) {
-      idle.push_back(idle_place("attached", i, "holds nothing: no face of the surface lies there"));
-    } else if (!has_free_node) {
-      idle.push_back(idle_place("attached", i, "holds nothing that elastic.fixed does not hold"));
-    }
-  }
-  for (std::uint32_t node = 0; node < of_nodes.size(); ++node) {
-    if (of_nodes[node] > 0.0) body.attachments.push_back({node, of_nodes[node]});
-  }
-  body.attachments.insert(body.attachments.end(), tearing.begin(), tearing.end());
-  return idle;
 }
 
 /// Of a body that has the shape of the mesh under this gravity. @throws SetupError  it has none
@@ -352,7 +254,13 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
     description.materials.push_back(
         material_of(material, part.young_pa, part.poisson_ratio, part.density_kg_per_m3));
   }
-  std::vector<std::string> idle = hold(read, material, description);
+  std::vector<TiedPlace> places;
+  std::vector<std::string> idle;
+  try {
+    idle = hold(read, material, neighbors.tied, description, places);
+  } catch (const SetupError& error) {
+    throw SetupError(name + error.what());
+  }
   if (description.fixed_nodes.empty() && description.attachments.empty()) {
     throw SetupError(name +
                      "no node lies in a fixed place, no face of the surface in an attached one; "
@@ -405,6 +313,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   if (unloaded) made->scan_error_m = unloaded->away_m;
   made->rigid = std::move(neighbors.rigid);
   made->touches = std::move(neighbors.elastic);
+  made->ties = std::move(places);
   check_outside(description.mesh, made->rigid, name);
   complete(std::move(description), unloaded ? unloaded->loaded_m : elastic::VectorXd(), name,
            *made);
@@ -433,6 +342,7 @@ RemadeBody remade_elastic_body(const ElasticBody& like, elastic::BodyDescription
   made->prompt_ratio = like.prompt_ratio;
   made->rigid = like.rigid;
   made->touches = like.touches;
+  made->ties = like.ties;
   auto at_rest = complete(std::move(description), start_m, "", *made, before, old_nodes);
   return {.body = std::move(made), .at_rest = std::move(at_rest)};
 }
@@ -461,6 +371,11 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
     const auto made = std::const_pointer_cast<ElasticBody>(bodies[i]);  // nobody else has it yet
     made->start_m = std::move(rests[i]->x_m);
     made->resting.emplace(std::move(rests[i]->resting));
+    if (rests[i]->has_torn) {
+      throw SetupError("the elastic body \"" + scene.tissues[made->tissue].name +
+                       "\": elastic.attached tears under the weight of what it ties together; give "
+                       "more toughness_joule_per_m2 or hold more of it in elastic.fixed");
+    }
     lay_surface("the elastic body \"" + scene.tissues[made->tissue].name + "\": ", *made);
   }
   return bodies;

@@ -18,6 +18,7 @@
 #include "physics_node/elastic/condensed/slow_modes.h"
 #include "physics_node/elastic/contact/rigid_contact.h"
 #include "physics_node/elastic/sphere_contact.h"
+#include "physics_node/elastic_tissue/attached/held_mesh.h"
 #include "physics_node/elastic_tissue/touching/neighbors.h"
 #include "physics_node/surfaces/shape.h"
 #include "physics_node/surfaces/triangle_surface.h"
@@ -74,6 +75,7 @@ struct ElasticBody {
   std::vector<elastic::RigidNeighbor> rigid = {};     ///< that it cannot go through
   std::optional<elastic::RigidContact> resting = {};  ///< how it lies on them at start_m
   std::vector<ElasticNeighbor> touches = {};
+  std::vector<TiedPlace> ties = {};    ///< of the attachments that are ties
   elastic::SlowModes slow_modes = {};  ///< that move by themselves between two full solutions
 
   /// The elastic tissue with this index in the scene, if the session says that this one touches it;
@@ -82,6 +84,11 @@ struct ElasticBody {
     const auto found = std::find_if(touches.begin(), touches.end(),
                                     [&](const auto& one) { return one.tissue == other; });
     return found == touches.end() ? nullptr : &*found;
+  }
+  /// It is tied to the elastic tissue with this index in the scene.
+  [[nodiscard]] bool is_tied_to(std::uint32_t other) const noexcept {
+    return std::any_of(ties.begin(), ties.end(),
+                       [&](const auto& one) { return one.tissue == other; });
   }
   /// It may lie on what moves.
   [[nodiscard]] bool can_be_carried() const noexcept { return resting && resting->can_move(); }

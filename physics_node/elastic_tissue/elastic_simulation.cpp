@@ -54,6 +54,7 @@ double ElasticSimulation::Tips::add_gradient(const double* x_m, double* gradient
   sum += tearing.add_gradient(x_m, gradient);
   sum += rigid.add_gradient(x_m, gradient);
   for (const elastic::ContactPlane& one : neighbors) sum += one.add_gradient(x_m, gradient);
+  for (const elastic::Tie& one : ties) sum += one.add_gradient(x_m, gradient);
   for (const auto& [node, newton] : rubbed_newton) {
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t at = 3 * std::size_t{node} + i;
@@ -73,6 +74,7 @@ void ElasticSimulation::Tips::add_stiffness(const double* x_m, const elastic::Bl
   tearing.add_stiffness(x_m, pattern, values);
   rigid.add_stiffness(x_m, pattern, values);
   for (const elastic::ContactPlane& one : neighbors) one.add_stiffness(x_m, pattern, values);
+  for (const elastic::Tie& one : ties) one.add_stiffness(x_m, pattern, values);
 }
 
 void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
@@ -85,6 +87,7 @@ void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
   tearing.add_stiffness(x_m, pattern, values);
   rigid.add_stiffness(x_m, pattern, values);
   for (const elastic::ContactPlane& one : neighbors) one.add_stiffness(x_m, pattern, values);
+  for (const elastic::Tie& one : ties) one.add_stiffness(x_m, pattern, values);
 }
 
 double ElasticSimulation::Tips::longest_correction_m() const {
@@ -147,6 +150,7 @@ void ElasticSimulation::continue_as(const ElasticSimulation& other) {
   repaired_steps_ = other.repaired_steps_;
   appeared_ = other.appeared_;
   failed_in_a_row_ = other.failed_in_a_row_;
+  elsewhere_joule_ = other.elsewhere_joule_;
 }
 
 std::size_t ElasticSimulation::hold(std::size_t tool, const Vector3& at_m, double reach_m,
@@ -172,7 +176,7 @@ double ElasticSimulation::stored_joule() const noexcept {
   for (const elastic::HeldPoints& one : tips_.held) {
     joule += one.stored_joule(dynamics_.x_m().data());
   }
-  return joule + tips_.tearing.stored_joule(dynamics_.x_m().data());
+  return joule + tips_.tearing.stored_joule(dynamics_.x_m().data()) + elsewhere_joule_;
 }
 
 /// Moves the sphere towards its tip, and looks at the surface on the way, so that each point is
@@ -347,7 +351,8 @@ void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
                                const std::vector<elastic::SphereContact>& contacts_before) {
   const elastic::StepReport failed = report_;
   // between bodies its untouched state may be inside of them by now
-  bool can_wait = failed_in_a_row_ < kMostFailedInARow || !tips_.neighbors.empty();
+  bool can_wait =
+      failed_in_a_row_ < kMostFailedInARow || !tips_.neighbors.empty() || !tips_.ties.empty();
   std::vector<std::size_t> there;
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     if (!touches_[i].is_near) continue;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "physics_node/elastic/attached/tearing.h"
+#include "physics_node/elastic/attached/tie.h"
 #include "physics_node/elastic/contact/rigid_contact.h"
 #include "physics_node/elastic/dynamics.h"
 #include "physics_node/elastic/grip/held_points.h"
@@ -78,6 +79,18 @@ class ElasticSimulation {
     tips_.neighbors = std::move(planes);
     is_neighbor_moving_ = is_moving;
   }
+  /// For the next steps: what ties it to other bodies, and whether one of those moves.
+  void set_ties(std::vector<elastic::Tie> ties, bool is_moving) {
+    tips_.ties = std::move(ties);
+    is_neighbor_moving_ = is_neighbor_moving_ || is_moving;
+  }
+  /// The end of a step of an island: a tie of this body has been so far apart.
+  /// @param place  among tearing().attachments()
+  void note_tie(std::size_t place, double apart_m) {
+    has_torn_ = tips_.tearing.note(place, apart_m) || has_torn_;
+  }
+  /// What is stored in ties and in the bodies tied to this one.
+  void set_stored_elsewhere(double joule) { elsewhere_joule_ = joule; }
   /// The last step once more under other planes, unless it was made in parts or has failed; then,
   /// or if it fails now, it stays as it is.
   void step_again();
@@ -114,8 +127,14 @@ class ElasticSimulation {
   [[nodiscard]] const elastic::Tearing& tearing() const noexcept { return tips_.tearing; }
   [[nodiscard]] bool has_torn() const noexcept { return has_torn_; }  ///< further, in the last step
 
-  /// Elastic, of weight and in jaws: what the body would give back if it were moved slowly.
+  /// Elastic, of weight and in jaws: what the body, with those tied to it, would give back if it
+  /// were moved slowly.
   [[nodiscard]] double stored_joule() const noexcept;
+  /// The same without jaws, ties and other bodies.
+  [[nodiscard]] double own_joule() const noexcept {
+    return report_.elastic_joule + report_.gravity_joule +
+           tips_.tearing.stored_joule(dynamics_.x_m().data());
+  }
 
   struct Touch {
     bool is_near = false;                 ///< the tip may touch within the next steps
@@ -158,8 +177,8 @@ class ElasticSimulation {
   void shown_strain(std::vector<float>& strain) const;
 
  private:
-  /// The potential of all spheres that are near, of what is held, of what tears, and of what the
-  /// body lies on.
+  /// The potential of all spheres that are near, of what is held, of what tears, of what the body
+  /// is tied to, and of what it lies on.
   class Tips final : public elastic::Obstacle {
    public:
     explicit Tips(const ElasticBody& body) : tearing(*body.body), rigid(*body.resting) {}
@@ -169,6 +188,7 @@ class ElasticSimulation {
     elastic::Tearing tearing;
     elastic::RigidContact rigid;
     std::vector<elastic::ContactPlane> neighbors;
+    std::vector<elastic::Tie> ties;
     std::vector<std::pair<std::uint32_t, Vector3>> rubbed_newton;  // by node of the body
     double add_gradient(const double* x_m, double* gradient) const override;
     void add_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
@@ -179,7 +199,7 @@ class ElasticSimulation {
     bool begin_round(const double* x_m, const elastic::BlockPattern& pattern) override;
     [[nodiscard]] bool is_still() const override;
     [[nodiscard]] bool is_idle() const {
-      return is_still() && rigid.is_idle() && neighbors.empty();
+      return is_still() && rigid.is_idle() && neighbors.empty() && ties.empty();
     }
   };
 
@@ -224,6 +244,7 @@ class ElasticSimulation {
   std::optional<double> carried_s_;  // at the end of the last step
   bool has_torn_ = false;
   bool is_neighbor_moving_ = false;
+  double elsewhere_joule_ = 0.0;
   bool can_step_again_ = false;
 };
 

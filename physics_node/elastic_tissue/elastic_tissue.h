@@ -132,8 +132,11 @@ class ElasticTissue {
   [[nodiscard]] ElasticSimulation& simulation() noexcept { return *simulation_; }
   [[nodiscard]] const std::vector<std::optional<TipState>>& tips() const noexcept { return tips_; }
   [[nodiscard]] elastic::SurfaceCompliance& compliance() const { return shared_->compliance(); }
-  /// Where the body leans on others in this solution.
-  void set_leaning(std::vector<elastic::Support> supports) { leaning_ = std::move(supports); }
+  /// Where the body leans on others and is tied to them in this solution.
+  void set_leaning(std::vector<elastic::Support> supports, std::vector<elastic::TiePoint> ties) {
+    leaning_ = std::move(supports);
+    ties_ = std::move(ties);
+  }
   /// At the body's solve rate.
   [[nodiscard]] double longest_step_s() const noexcept { return 1.0 / body_->solve_rate_hz; }
   /// Where a tip moves fast.
@@ -345,8 +348,9 @@ class ElasticTissue {
   std::vector<std::optional<PatchMaker>> makers_;  // of the tools
   std::vector<std::optional<TipState>> tips_;
   std::vector<elastic::Support> leaning_;
-  std::atomic<double> noted_s_ = 0.0;  // by the tools' steps, last
-  double solved_s_ = 0.0;              // of the last solution
+  std::vector<elastic::TiePoint> ties_;  // likewise
+  std::atomic<double> noted_s_ = 0.0;    // by the tools' steps, last
+  double solved_s_ = 0.0;                // of the last solution
   ElasticFigures figures_;
   std::uint64_t without_compliance_ = 0;  // contacts that could not be prepared
   int hasty_solves_ = 0;                  // that follow a fast motion, still to be made

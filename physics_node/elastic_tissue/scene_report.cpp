@@ -37,6 +37,26 @@ std::string touching_line(const std::string& name, const char* how, double frict
   return "touches \"" + name + text + " at the start";
 }
 
+/// Of springs to another body.
+std::string tied_line(const ElasticBody& body, std::uint32_t other, const std::string& name) {
+  std::size_t nodes = 0;
+  double newton_per_m = 0.0;
+  double farthest_m = 0.0;
+  for (const elastic::Attachment& one : body.body->description().attachments) {
+    if (!one.is_tie()) continue;
+    const TiedPlace& place = body.ties[static_cast<std::size_t>(one.tie)];
+    if (place.tissue != other) continue;
+    ++nodes;
+    newton_per_m += one.stiffness_newton_per_m;
+    farthest_m = std::max(farthest_m, place.offset_m.norm());
+  }
+  char text[120];  // NOLINT: for snprintf
+  std::snprintf(text, sizeof text,
+                "\", which gives way too, at %zu nodes with %.3g N/m: gap at most %.2g mm", nodes,
+                newton_per_m, 1e3 * farthest_m);
+  return "tied to \"" + name + text;
+}
+
 /// Mean edge of the faces whose nodes all may tear with this; 0: there is none.
 double edge_of_bed_m(const ElasticBody& body, double softens_at_m) {
   const elastic::Mesh& mesh = body.body->mesh();
@@ -74,6 +94,9 @@ std::vector<std::string> touching_lines(
         one.friction_coefficient, gap));
   }
   for (const auto& other : bodies) {
+    if (body.is_tied_to(other->tissue)) {
+      lines.push_back(tied_line(body, other->tissue, scene.tissues[other->tissue].name));
+    }
     const ElasticNeighbor* const own = body.touched(other->tissue);
     const ElasticNeighbor* const its = other->touched(body.tissue);
     if (own == nullptr && its == nullptr) continue;

@@ -10,9 +10,10 @@
 
 namespace palpate::physics {
 
-/// A line for each tissue that a body touches, whichever of the two names the other: whether that
-/// gives way, and the gap or overlap of the two as the session places them, between nodes and
-/// surfaces: before the body finds its rest, in which nothing overlaps.
+/// A line for each tissue that a body is tied to, and for each that it touches, whichever of the
+/// two names the other: whether that gives way, and the gap or overlap of the two as the session
+/// places them, between nodes and surfaces: before the body finds its rest, in which nothing
+/// overlaps.
 /// @param bodies  of the scene
 [[nodiscard]] std::vector<std::string> touching_lines(
     const std::vector<std::shared_ptr<const ElasticBody>>& bodies, const ElasticBody& body,

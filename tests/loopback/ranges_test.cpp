@@ -48,16 +48,19 @@ void expect_understood(Session session, Duration length) {
 }
 
 TEST(Ranges, NoShippedSessionIsRefused) {
-  for (const auto& entry : fs::directory_iterator(test::source_dir() + "/deploy/sessions")) {
-    if (entry.path().extension() != ".txtpb") continue;
-    SCOPED_TRACE(entry.path().filename());
-    const Session session = load_session(entry.path());
-    // elastic tissue is solved in full in each step of the ideal
-    const bool is_elastic = std::any_of(
-        session.scene.tissues.begin(), session.scene.tissues.end(), [](const TissueConfig& tissue) {
-          return std::holds_alternative<ElasticMaterial>(tissue.material);
-        });
-    expect_understood(session, is_elastic ? Duration(200ms) : Duration(1s));
+  for (const char* const folder : {"/deploy/sessions", "/deploy/sessions/tools"}) {
+    for (const auto& entry : fs::directory_iterator(test::source_dir() + folder)) {
+      if (entry.path().extension() != ".txtpb") continue;
+      SCOPED_TRACE(entry.path().filename());
+      const Session session = load_session(entry.path());
+      // elastic tissue is solved in full in each step of the ideal
+      const bool is_elastic =
+          std::any_of(session.scene.tissues.begin(), session.scene.tissues.end(),
+                      [](const TissueConfig& tissue) {
+                        return std::holds_alternative<ElasticMaterial>(tissue.material);
+                      });
+      expect_understood(session, is_elastic ? Duration(200ms) : Duration(1s));
+    }
   }
 }
 

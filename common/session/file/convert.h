@@ -113,6 +113,11 @@ void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_f
 /// What of the tool acts on elastic tissue.
 /// @param config  with its tip and its tissues
 void add_holders(const Fields& tool, SceneConfig& config);
+/// What gives way where the body is held; add_ties() finds what it is tied to.
+/// @param material  with its fixed places
+void add_attached(const Fields& elastic, ElasticMaterial& material);
+/// The tissues that `attached` names, when all are known, with what acts on them.
+void add_ties(const Fields& scene, SceneConfig& config);
 /// A part of space, or of a mesh.
 [[nodiscard]] RegionGeometry to_region(const Fields& place);
 

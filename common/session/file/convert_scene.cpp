@@ -196,22 +196,7 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
       break;
   }
   for (const Fields& place : fields.messages("fixed")) material.fixed.push_back(to_region(place));
-  for (const Fields& attached : fields.messages("attached")) {
-    material.attached.push_back(
-        {.where = to_region(attached.message("where")),
-         .stiffness_pa_per_m = attached.number("stiffness_pa_per_m"),
-         .toughness_joule_per_m2 = attached.number("toughness_joule_per_m2", 0.0)});
-    if (!attached.has("toughness_joule_per_m2")) continue;
-    if (material.fixed.empty()) {
-      attached.problem("toughness_joule_per_m2",
-                       "a body that is torn off entirely would fall; give fixed, where it is held "
-                       "in the end, or leave the toughness out");
-    }
-    if (fields.has("viscoelastic")) {
-      attached.problem("toughness_joule_per_m2",
-                       "springs that tear do not relax; leave out the toughness or viscoelastic");
-    }
-  }
+  add_attached(fields, material);
   if (material.fixed.empty() && material.attached.empty()) {
     fields.problem(
         "fixed",
@@ -490,6 +475,7 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
   }
   add_touches(scene, config);
   add_holders(tool, config);
+  add_ties(scene, config);
   return config;
 }
 

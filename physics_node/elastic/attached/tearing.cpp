@@ -27,11 +27,35 @@ double CohesiveLaw::area_m2(double separation_m) const noexcept {
   return softens_at_m * softens_at_m - 0.5 * left_m * left_m;
 }
 
-Tearing::One::Way Tearing::One::way(const double* x_m) const noexcept {
-  const Vector3d away_m = position_m(x_m, attachment.node) - rest_m;
-  const double pressed_m = std::max(0.0, away_m.dot(attachment.outward));
-  return {
-      .away_m = away_m, .apart_m = away_m - pressed_m * attachment.outward, .pressed_m = pressed_m};
+Separation separation_of(const Vector3d& away_m, const Vector3d& outward) noexcept {
+  const double pressed_m = std::max(0.0, away_m.dot(outward));
+  return {.away_m = away_m, .apart_m = away_m - pressed_m * outward, .pressed_m = pressed_m};
+}
+
+CohesiveSpring::Pull CohesiveSpring::pull(const Separation& at) const noexcept {
+  const double separation_m = at.apart_m.norm();
+  const double ratio = law.ratio(farthest_m);
+  const bool is_further = separation_m > farthest_m;
+  const double secant = is_further ? law.ratio(separation_m) : ratio;
+  const double held_m = std::min(separation_m, farthest_m);
+  const double area_m2 = 0.5 * ratio * held_m * held_m +
+                         (is_further ? law.area_m2(separation_m) - law.area_m2(farthest_m) : 0.0);
+  return {.joule = newton_per_m * (0.5 * ratio * at.pressed_m * at.pressed_m + area_m2),
+          .slope_newton = newton_per_m * (ratio * at.pressed_m * outward + secant * at.apart_m)};
+}
+
+Eigen::Matrix3d CohesiveSpring::stiffness(const Separation& at,
+                                          double less_newton_per_m) const noexcept {
+  const double secant = law.ratio(std::max(at.apart_m.norm(), farthest_m));
+  Eigen::Matrix3d more = (secant * newton_per_m - less_newton_per_m) * Eigen::Matrix3d::Identity();
+  if (at.pressed_m > 0.0) {
+    more += (law.ratio(farthest_m) - secant) * newton_per_m * outward * outward.transpose();
+  }
+  return more;
+}
+
+Separation Tearing::One::way(const double* x_m) const noexcept {
+  return separation_of(position_m(x_m, attachment.node) - rest_m, attachment.outward);
 }
 
 bool Tearing::One::is_as_in_body(double apart_m) const noexcept {
@@ -78,12 +102,18 @@ bool Tearing::is_idle() const noexcept {
 
 bool Tearing::note(const double* x_m) noexcept {
   bool has_torn = false;
-  for (One& one : all_) {
-    const double apart_m = one.way(x_m).apart_m.norm();
-    if (!(apart_m > one.farthest_m)) continue;
-    has_torn = has_torn || one.ratio() > 0.0;
-    one.farthest_m = apart_m;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    if (all_[i].attachment.is_tie()) continue;
+    has_torn = note(i, all_[i].way(x_m).apart_m.norm()) || has_torn;
   }
+  return has_torn;
+}
+
+bool Tearing::note(std::size_t place, double apart_m) noexcept {
+  One& one = all_[place];
+  if (!(apart_m > one.farthest_m)) return false;
+  const bool has_torn = one.ratio() > 0.0;
+  one.farthest_m = apart_m;
   return has_torn;
 }
 
@@ -106,6 +136,7 @@ double Tearing::taken_joule() const noexcept {
 double Tearing::stored_joule(const double* x_m) const noexcept {
   double joule = 0.0;
   for (const One& one : all_) {
+    if (one.attachment.is_tie()) continue;
     joule +=
         0.5 *
         (one.ratio() * one.attachment.intact_newton_per_m - one.attachment.stiffness_newton_per_m) *
@@ -117,22 +148,14 @@ double Tearing::stored_joule(const double* x_m) const noexcept {
 double Tearing::add_gradient(const double* x_m, double* gradient) const noexcept {
   double joule = 0.0;
   for (const One& one : all_) {
-    const auto [away_m, apart_m, pressed_m] = one.way(x_m);
-    const double separation_m = apart_m.norm();
-    if (one.is_as_in_body(separation_m)) continue;
-    const double ratio = one.ratio();
-    const bool is_further = separation_m > one.farthest_m;
-    const double secant = is_further ? one.law().ratio(separation_m) : ratio;
-    const double held_m = std::min(separation_m, one.farthest_m);
-    const double area_m2 =
-        0.5 * ratio * held_m * held_m +
-        (is_further ? one.law().area_m2(separation_m) - one.law().area_m2(one.farthest_m) : 0.0);
-    const double k = one.attachment.intact_newton_per_m;
-    joule += k * (0.5 * ratio * pressed_m * pressed_m + area_m2) -
-             0.5 * one.attachment.stiffness_newton_per_m * away_m.squaredNorm();
+    if (one.attachment.is_tie()) continue;
+    const Separation way = one.way(x_m);
+    if (one.is_as_in_body(way.apart_m.norm())) continue;
+    const CohesiveSpring::Pull pull = one.spring().pull(way);
+    const double in_body = one.attachment.stiffness_newton_per_m;
+    joule += pull.joule - 0.5 * in_body * way.away_m.squaredNorm();
     Eigen::Map<Vector3d>(gradient + 3 * std::size_t{one.attachment.node}) +=
-        k * (ratio * pressed_m * one.attachment.outward + secant * apart_m) -
-        one.attachment.stiffness_newton_per_m * away_m;
+        pull.slope_newton - in_body * way.away_m;
   }
   return joule;
 }
@@ -140,18 +163,11 @@ double Tearing::add_gradient(const double* x_m, double* gradient) const noexcept
 void Tearing::add_stiffness(const double* x_m, const BlockPattern& pattern,
                             BlockValues& values) const {
   for (const One& one : all_) {
-    const auto [away_m, apart_m, pressed_m] = one.way(x_m);
-    const double separation_m = apart_m.norm();
+    if (one.attachment.is_tie()) continue;
+    const Separation way = one.way(x_m);
     const std::int32_t row = pattern.row_of[one.attachment.node];
-    if (row < 0 || one.is_as_in_body(separation_m)) continue;
-    const double secant = one.law().ratio(std::max(separation_m, one.farthest_m));
-    const double k = one.attachment.intact_newton_per_m;
-    Eigen::Matrix3d more =
-        (secant * k - one.attachment.stiffness_newton_per_m) * Eigen::Matrix3d::Identity();
-    if (pressed_m > 0.0) {
-      more +=
-          (one.ratio() - secant) * k * one.attachment.outward * one.attachment.outward.transpose();
-    }
+    if (row < 0 || one.is_as_in_body(way.apart_m.norm())) continue;
+    const Eigen::Matrix3d more = one.spring().stiffness(way, one.attachment.stiffness_newton_per_m);
     double* block = values.data() + 9 * std::size_t{pattern.starts[static_cast<std::size_t>(row)]};
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) block[3 * i + j] += more(i, j);

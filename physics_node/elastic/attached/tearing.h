@@ -25,11 +25,36 @@ struct CohesiveLaw {
   [[nodiscard]] double area_m2(double separation_m) const noexcept;
 };
 
+/// How far a point is from where its spring has no force.
+struct Separation {
+  Vector3d away_m;
+  Vector3d apart_m;  ///< less what it has moved towards what it is attached to
+  double pressed_m;  ///< that
+};
+/// @param outward  unit, towards what it is attached to
+[[nodiscard]] Separation separation_of(const Vector3d& away_m, const Vector3d& outward) noexcept;
+
+/// A spring with this law: pressing does not tear it. A step minimises the function of the law as
+/// far as the point has come, so that it takes the toughness however long the step is.
+struct CohesiveSpring {
+  double newton_per_m = 0.0;  ///< k, of the intact one
+  CohesiveLaw law;
+  double farthest_m = 0.0;  ///< ≥ δ₀, at the end of a step so far
+  Vector3d outward = Vector3d::UnitZ();
+
+  struct Pull {
+    double joule;
+    Vector3d slope_newton;  ///< of that
+  };
+  [[nodiscard]] Pull pull(const Separation& at) const noexcept;
+  /// Of the secant, less that of another spring in all directions.
+  [[nodiscard]] Eigen::Matrix3d stiffness(const Separation& at,
+                                          double less_newton_per_m) const noexcept;
+};
+
 /// The attachments of a body that tear, as an obstacle beside the body, which has springs in their
-/// places: what they do more or less than these. The separation is how far the node has moved, less
-/// what it has moved towards what it is attached to: pressing does not tear. A step minimises the
-/// function of the law as far as the node has come, so that it takes the toughness however long the
-/// step is. Deterministic. Copies are independent.
+/// places: what they do more or less than these. What ties it to another body is counted only
+/// (@see Tie). Deterministic. Copies are independent.
 class Tearing {
  public:
   explicit Tearing(const Body& body);
@@ -43,8 +68,10 @@ class Tearing {
 
   /// It does what the springs of the body do.
   [[nodiscard]] bool is_idle() const noexcept;
-  /// The end of a step. @return whether anything has torn further
+  /// The end of a step, but for ties. @return whether anything has torn further
   bool note(const double* x_m) noexcept;
+  /// The same for a tie. @param place  among attachments()
+  bool note(std::size_t place, double apart_m) noexcept;
 
   struct One {
     Attachment attachment;
@@ -53,13 +80,11 @@ class Tearing {
 
     [[nodiscard]] CohesiveLaw law() const noexcept { return {attachment.softens_at_m}; }
     [[nodiscard]] double ratio() const noexcept { return law().ratio(farthest_m); }
-    /// Of the node from its rest, along the separation and towards what it is attached to.
-    struct Way {
-      Vector3d away_m;
-      Vector3d apart_m;
-      double pressed_m;
-    };
-    [[nodiscard]] Way way(const double* x_m) const noexcept;
+    [[nodiscard]] CohesiveSpring spring() const noexcept {
+      return {attachment.intact_newton_per_m, law(), farthest_m, attachment.outward};
+    }
+    /// Of the node from its rest.
+    [[nodiscard]] Separation way(const double* x_m) const noexcept;
     [[nodiscard]] bool is_as_in_body(double apart_m) const noexcept;
   };
   [[nodiscard]] const std::vector<One>& attachments() const noexcept { return all_; }
@@ -67,7 +92,7 @@ class Tearing {
   [[nodiscard]] std::size_t torn() const noexcept;
   /// What tearing has taken so far.
   [[nodiscard]] double taken_joule() const noexcept;
-  /// What they would give back, less what the springs of the body would.
+  /// What they would give back, less what the springs of the body would; without ties.
   [[nodiscard]] double stored_joule(const double* x_m) const noexcept;
 
   // as an obstacle; see obstacle.h

@@ -102,6 +102,16 @@ struct Support {
   palpate::TissueMotionConfig motion = {};  ///< of what it leans on; amplitude 0: it stands still
 };
 
+/// Where a spring ties a body to another one.
+struct TiePoint {
+  SurfacePoint point;  ///< of this body
+  SurfaceCompliance* other = nullptr;
+  SurfacePoint other_point = {};
+  double newton_per_m = 0.0;
+  /// This body has the spring in its own stiffness, as if the other stood still; else that one has.
+  bool is_in_body = false;
+};
+
 struct CondensedReport {
   Vector3d force_on_sphere_newton = Vector3d::Zero();
   int touching = 0;
@@ -143,9 +153,12 @@ class CondensedContact {
   /// these give way. Of more than kMostSupports directions those nearest to the sphere of prepare()
   /// count. What moves of these carries the points: @see carried(). move_surface() does not know of
   /// it. Allocates. @throws std::runtime_error  @see require()
+  /// @param ties  what it is tied to gives way too, of the nearest kMostTies; what the two bodies
+  ///     lean on besides is not known to the other one
   void lean_on(std::vector<Support> supports, const std::vector<SurfacePoint>& points,
-               const VectorXd& x_m, const Vector3d& centre_m);
+               const VectorXd& x_m, const Vector3d& centre_m, std::vector<TiePoint> ties = {});
   static constexpr std::size_t kMostSupports = 128;
+  static constexpr std::size_t kMostTies = 48;
   /// Of the place that is pressed, or else of the point nearest to the sphere: how much more it
   /// would give way if the body leant on nothing, fᵀ C f over fᵀ (C − B (W + D)⁻¹ Bᵀ) f. 1: it does
   /// lean on nothing.
@@ -229,6 +242,13 @@ class CondensedContact {
   void add_swing(double pace) noexcept;
   void stand_still() noexcept;
   [[nodiscard]] bool scale_compliance();
+  using Motions = std::vector<std::pair<palpate::TissueMotionConfig, Eigen::VectorXd>>;
+  void be_tied(std::vector<TiePoint> ties, const std::vector<Support>& supports,
+               const Eigen::MatrixXd& supports_give, const Motions& motions,
+               const std::vector<SurfacePoint>& points, const VectorXd& x_m,
+               const Vector3d& centre_m);
+  void be_carried(const palpate::TissueMotionConfig& motion, const Eigen::VectorXd& pushed_m);
+  void take(const Eigen::MatrixXd& taken);
   [[nodiscard]] double ratio_with(const Eigen::MatrixXd& less) const;
   [[nodiscard]] std::vector<float>& own_among();
   [[nodiscard]] const std::vector<float>& in_step() const noexcept {

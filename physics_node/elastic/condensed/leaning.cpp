@@ -110,10 +110,27 @@ double CondensedContact::ratio_with(const Eigen::MatrixXd& less) const {
   return leaning > 0.0 ? free / leaning : std::numeric_limits<double>::infinity();
 }
 
+/// @param pushed_m  of the points, by the motion's amplitude
+void CondensedContact::be_carried(const palpate::TissueMotionConfig& motion,
+                                  const Eigen::VectorXd& pushed_m) {
+  Vector3d carried_m = pushed_m.head<3>();  // of the nearest point
+  double sum_newton = 0.0;
+  Vector3d sum = Vector3d::Zero();
+  for (std::size_t j = 0; j < chosen_.size(); ++j) {
+    const double newton = forces_newton_[j].norm();
+    sum += newton * pushed_m.segment<3>(3 * static_cast<Eigen::Index>(j));
+    sum_newton += newton;
+  }
+  if (sum_newton > 0.0) carried_m = sum / sum_newton;
+  carried_.push_back({.amplitude_m = carried_m,
+                      .frequency_hz = motion.frequency_hz,
+                      .phase_rad = motion.phase_rad});
+}
+
 void CondensedContact::lean_on(std::vector<Support> supports,
                                const std::vector<SurfacePoint>& points, const VectorXd& x_m,
-                               const Vector3d& centre_m) {
-  if (supports.empty()) return;
+                               const Vector3d& centre_m, std::vector<TiePoint> ties) {
+  if (supports.empty() && ties.empty()) return;
   if (supports.size() > kMostSupports) {
     const auto distance_m = [&](const Support& one) {
       return (one.point.position_m(x_m.data()) - centre_m).squaredNorm();
@@ -122,6 +139,13 @@ void CondensedContact::lean_on(std::vector<Support> supports,
       return distance_m(a) < distance_m(b);
     });
     supports.resize(kMostSupports);
+  }
+  if (!ties.empty()) {
+    const auto size = static_cast<Eigen::Index>(supports.size());
+    Eigen::MatrixXd give = Eigen::MatrixXd::Zero(size, size);
+    add_others(supports, give);
+    be_tied(std::move(ties), supports, give, motions_of(supports), points, x_m, centre_m);
+    return;
   }
   std::vector<std::uint32_t> under;  // nodes of supports
   for (const Support& one : supports) one.point.add_nodes_to(under);
@@ -171,19 +195,7 @@ void CondensedContact::lean_on(std::vector<Support> supports,
   if (!less.allFinite()) return;
   carried_.clear();
   for (const auto& [motion, ways_m] : motions_of(supports)) {
-    const Eigen::VectorXd pushed = less.transpose() * factor.matrixL().solve(ways_m);
-    Vector3d carried_m = pushed.head<3>();  // of the nearest point
-    double sum_newton = 0.0;
-    Vector3d sum = Vector3d::Zero();
-    for (std::size_t j = 0; j < chosen_.size(); ++j) {
-      const double newton = forces_newton_[j].norm();
-      sum += newton * pushed.segment<3>(3 * static_cast<Eigen::Index>(j));
-      sum_newton += newton;
-    }
-    if (sum_newton > 0.0) carried_m = sum / sum_newton;
-    carried_.push_back({.amplitude_m = carried_m,
-                        .frequency_hz = motion.frequency_hz,
-                        .phase_rad = motion.phase_rad});
+    be_carried(motion, less.transpose() * factor.matrixL().solve(ways_m));
   }
   leaning_ratio_ = ratio_with(less);
   const Eigen::MatrixXf taken = (less.transpose() * less).cast<float>();

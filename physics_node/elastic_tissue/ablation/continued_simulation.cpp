@@ -38,6 +38,7 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, const ElasticSimul
   report_ = before.report_;
   last_tips_ = before.last_tips_;
   failed_in_a_row_ = before.failed_in_a_row_;
+  elsewhere_joule_ = before.elsewhere_joule_;
   touches_ = before.touches_;
   tips_.tearing.continue_as(before.tips_.tearing);
   for (std::size_t i = 0; i < touches_.size(); ++i) {

@@ -13,11 +13,11 @@ void ElasticTissue::lean_or_swing(elastic::CondensedContact& contact,
   std::vector<elastic::Support> supports =
       elastic::supports_of(simulation_->rigid().pressed(), simulation_->x_m().data());
   supports.insert(supports.end(), leaning_.begin(), leaning_.end());
-  if (supports.empty()) {
+  if (supports.empty() && ties_.empty()) {
     contact.swing(body_->slow_modes, body_->points, body_->start_m, simulation_->x_m(),
                   simulation_->v_m_per_s(), simulation_->acceleration_m_per_s2());
   } else {
-    contact.lean_on(std::move(supports), body_->points, simulation_->x_m(), centre_m);
+    contact.lean_on(std::move(supports), body_->points, simulation_->x_m(), centre_m, ties_);
   }
 }
 

@@ -19,6 +19,9 @@ constexpr double kMostOverlap_m = 3e-3;  // of a mesh and what it touches, in th
 
 Neighbors neighbors_of(const SceneConfig& scene, const TissueConfig& tissue) {
   Neighbors neighbors;
+  for (const auto& attached : std::get<ElasticMaterial>(tissue.material).attached) {
+    if (attached.tissue) neighbors.tied.push_back(tied_surface_of(scene, *attached.tissue));
+  }
   for (const auto& touches : std::get<ElasticMaterial>(tissue.material).touches) {
     const TissueConfig& other = scene.tissues.at(touches.tissue);
     if (std::holds_alternative<ElasticMaterial>(other.material)) {

@@ -8,6 +8,7 @@
 
 #include "common/session/scene_config.h"
 #include "physics_node/elastic/contact/rigid_contact.h"
+#include "physics_node/elastic_tissue/attached/held_mesh.h"
 
 namespace palpate::physics {
 
@@ -21,6 +22,7 @@ struct ElasticNeighbor {
 struct Neighbors {
   std::vector<elastic::RigidNeighbor> rigid = {};  ///< that it cannot move
   std::vector<ElasticNeighbor> elastic = {};
+  std::vector<TiedSurface> tied = {};  ///< of each of elastic.attached that names a tissue
 };
 
 /// In W. @throws SetupError  a file cannot be used, or its surface is open

@@ -13,14 +13,15 @@ constexpr double kRestStep_s = 1000.0;
 constexpr double kAtRest_m = 2e-7;
 constexpr int kMostRestSteps = 60;
 
-/// @return  whether the bodies are at rest, and lean on each other
+/// @return  whether the bodies are at rest, and lean on each other or are tied together
 bool settle(Island& island, std::span<ElasticSimulation* const> bodies) {
   const std::vector<std::span<const std::optional<TipState>>> no_tips(bodies.size());
   for (int step = 0; step < kMostRestSteps; ++step) {
     std::vector<elastic::VectorXd> before_m;
     for (const ElasticSimulation* const body : bodies) before_m.push_back(body->x_m());
-    island.step(bodies, no_tips, {});
+    island.step(bodies, no_tips, {}, false);
     const bool does_press =
+        !island.ties().empty() ||
         std::any_of(island.pairs().begin(), island.pairs().end(), [](const BodyPair& pair) {
           return std::any_of(pair.touches().begin(), pair.touches().end(),
                              [](const auto& one) { return one.multiplier_newton > 0.0; });
@@ -59,6 +60,12 @@ std::vector<std::optional<RestAmongOthers>> rests_among_others(
     for (std::size_t k = 0; k < members.size(); ++k) {
       rests[members[k]] =
           RestAmongOthers{.x_m = simulations[k]->x_m(), .resting = simulations[k]->rigid()};
+    }
+    for (const BodyTies& ties : island.ties()) {
+      const auto [attached, other] = ties.members();
+      rests[members[attached]]->has_torn =
+          rests[members[attached]]->has_torn ||
+          ties.is_tearing(*simulations[attached], *simulations[other]);
     }
   }
   return rests;

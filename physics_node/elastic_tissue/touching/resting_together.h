@@ -15,6 +15,7 @@ namespace palpate::physics {
 struct RestAmongOthers {
   elastic::VectorXd x_m;          ///< of all nodes, W
   elastic::RigidContact resting;  ///< how it lies on what does not give way
+  bool has_torn = false;          ///< it does not hold what it is tied to
 };
 
 /// By body; none: it leans on no other one, or no common rest was found. Each begins at its own

@@ -42,7 +42,8 @@ void TissueIsland::solve(double step_s, double ahead_s) {
   }
   const std::vector<char> has_stepped = island_->step(bodies, tips, step_s);
   for (std::size_t i = 0; i < tissues_.size(); ++i) {
-    tissues_[i]->set_leaning(island_->supports_of(i, compliances));
+    tissues_[i]->set_leaning(island_->supports_of(i, compliances),
+                             island_->tie_points_of(i, compliances));
   }
   for (std::size_t i = 0; i < tissues_.size(); ++i) {
     tissues_[i]->end_solve(step_s, has_stepped[i] != 0);

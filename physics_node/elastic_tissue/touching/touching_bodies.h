@@ -12,6 +12,7 @@
 
 #include "physics_node/elastic/contact/plane_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
+#include "physics_node/elastic_tissue/touching/body_ties.h"
 
 namespace palpate::physics {
 
@@ -79,7 +80,7 @@ class BodyPair {
   std::array<const ElasticBody*, 2> of_{};  // of touches_
 };
 
-/// Bodies that may touch each other, directly or through others.
+/// Bodies that may touch each other or are tied together, directly or through others.
 class Island {
  public:
   /// Of each island, its bodies: indices of `bodies`, ascending. One that touches no other is one
@@ -93,22 +94,31 @@ class Island {
   /// One step of all: each by itself as ElasticSimulation::step(), and where two are near, again
   /// with the forces between them until these no longer change much, at most kMostPasses times.
   /// What is at rest, and touched by nothing that moves, is skipped.
-  /// @param tips  of each body   @return  of each, whether it made a step
+  /// @param tips  of each body   @param may_tear  what ties bodies together
+  /// @return  of each, whether it made a step
   std::vector<char> step(std::span<ElasticSimulation* const> bodies,
                          std::span<const std::span<const std::optional<TipState>>> tips,
-                         std::optional<double> step_s);
+                         std::optional<double> step_s, bool may_tear = true);
 
   /// Where one body leans on the others, after step().
   /// @param compliances  of each body
   [[nodiscard]] std::vector<elastic::Support> supports_of(
       std::size_t body, std::span<elastic::SurfaceCompliance* const> compliances) const;
 
+  /// Where one body is tied to others, after step().   @param compliances  of each body
+  [[nodiscard]] std::vector<elastic::TiePoint> tie_points_of(
+      std::size_t body, std::span<elastic::SurfaceCompliance* const> compliances) const;
+
   [[nodiscard]] const std::vector<BodyPair>& pairs() const noexcept { return pairs_; }
+  [[nodiscard]] const std::vector<BodyTies>& ties() const noexcept { return ties_; }
 
   static constexpr int kMostPasses = 12;
 
  private:
+  void share_energy(std::span<ElasticSimulation* const> bodies) const;
+
   std::vector<BodyPair> pairs_;
+  std::vector<BodyTies> ties_;
 };
 
 }  // namespace palpate::physics

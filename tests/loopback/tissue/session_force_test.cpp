@@ -54,6 +54,7 @@ std::vector<std::string> shipped_sessions() {
       if (entry.path().extension() == ".txtpb") files.push_back(entry.path().string());
     }
   }
+  files.push_back(test::source_dir() + "/deploy/sessions/tools/gallbladder_on_liver.txtpb");
   std::sort(files.begin(), files.end());
   return files;
 }

@@ -53,6 +53,21 @@ TEST_F(SceneReport, TellsWhatABodyTouchesWhetherThatGivesWayAndHowFarItIs) {
   EXPECT_THAT(touching_lines(lying, *lying.at(0), scene).at(0), HasSubstr(": gap 0 mm"));
 }
 
+TEST_F(SceneReport, TellsWhatABodyIsTiedTo) {
+  ElasticMaterial upper;
+  upper.is_linear = true;
+  upper.attached = {{.stiffness_pa_per_m = 1e5, .tissue = 1, .is_anywhere = true}};
+  const SceneConfig scene{.tip_radius_m = 0.005,
+                          .tissues = {box("upper", 0.0, upper), box("lower", -0.0105, {})}};
+  const auto bodies = elastic_bodies_of(scene);
+  // 25 nodes less 5 that are fixed; of 16 cm² those have a tenth to an eighth
+  EXPECT_THAT(touching_lines(bodies, *bodies.at(0), scene),
+              ElementsAre(AllOf(HasSubstr("tied to \"lower\", which gives way too, at 20 nodes "
+                                          "with 1"),
+                                HasSubstr(" N/m: gap at most 0.5 mm"))));
+  EXPECT_THAT(touching_lines(bodies, *bodies.at(1), scene), IsEmpty());
+}
+
 // The faces of the bed have edges of 10, 10 and 14.1 mm.
 TEST_F(SceneReport, WarnsOfABedThatElementsCannotPeelOffByEnergy) {
   const auto warnings = [&](double stiffness_pa_per_m, double toughness_joule_per_m2) {

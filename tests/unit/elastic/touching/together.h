@@ -37,9 +37,10 @@ struct Together {
     for (const auto& one : simulations) one->set_time(time_s);
   }
   /// @return  how many bodies made a step
-  int step(std::optional<TipState> first_tip = {}) {
+  /// @param touched  the body that the tip may touch, or that jaws hold
+  int step(std::optional<TipState> tip = {}, std::size_t touched = 0) {
     std::vector<std::array<std::optional<TipState>, 1>> tips(bodies.size());
-    tips[0][0] = first_tip;
+    tips[touched][0] = tip;
     std::vector<ElasticSimulation*> all;
     std::vector<std::span<const std::optional<TipState>>> spans;
     for (std::size_t i = 0; i < bodies.size(); ++i) {
