@@ -234,6 +234,7 @@ class JournaledMonitor {
       monitor_.set_credit(monitor_.credit_joule() + wrist_->credit_joule());
       wrist_->set_credit(0.0);
     }
+    const double credit_joule = monitor_.credit_joule();
     Covered covered{monitor_.cover(force_on_hand_newton, lease), torque_newton_m};
     note({.kind = JournalKind::kCover,
           .force_newton = force_on_hand_newton,
@@ -242,7 +243,11 @@ class JournaledMonitor {
           .covered_newton = covered.force_on_hand_newton,
           .covered_lease = covered.lease});
     if (!wrist_) return covered;
-    wrist_->set_credit(monitor_.credit_joule());
+    // the drain of 1 ns, in which leases are counted, passes as rounding of the force, too
+    const double spent_joule = credit_joule - monitor_.credit_joule();
+    const double rounding_joule =
+        covered.is_reduced ? 0.0 : spent_joule * std::min(1.0, 1e-9 / to_seconds(lease));
+    wrist_->set_credit(monitor_.credit_joule() + rounding_joule);
     monitor_.set_credit(0.0);
     const ForceMonitor::Covered turning = wrist_->cover(torque_newton_m, covered.lease);
     covered.torque_newton_m = turning.force_on_hand_newton;

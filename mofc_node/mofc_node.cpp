@@ -114,7 +114,11 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
     wrench.wrist_torque_newton_m = requested_newton_m;
   }
   if (state.wrist && wrench_) {
-    wrench = wrench_->step(input, state, echo.reported, requested_newton_m);
+    // nobody pays for what the motors do not do
+    wrench = wrench_->step(
+        input, state, echo.reported,
+        limited_per_component(requested_newton_m,
+                              Vector3::Constant(device_.wrist->peak_torque_newton_m)));
   } else {
     wrench.force = controller_->step(input);
   }

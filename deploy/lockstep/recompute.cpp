@@ -129,7 +129,8 @@ class MovedAgain {
   std::uint64_t next_sequence_ = 0;
 };
 
-/// The ledger of the session's controller, from the recorded echo.
+/// The ledger of the session's controller, from the recorded echo. With a wrist it is not booked: the
+/// recording has no measured angles.
 class BookedAgain {
  public:
   BookedAgain(const Session& session, Recomputed& result)
@@ -139,6 +140,7 @@ class BookedAgain {
 
   void book(const TickRow& row) {
     const DeviceTick& tick = row.device;
+    if (tick.has_wrist()) return;
     if (row.device_session_id != session_id_) {
       session_id_ = row.device_session_id;
       controller_->reset();

@@ -5,7 +5,6 @@
 #include <utility>
 #include <variant>
 
-
 namespace palpate::physics {
 
 Simulation::Simulation(std::shared_ptr<const SharedScene> shared, std::size_t tools, bool is_folded)
