@@ -129,8 +129,8 @@ class MovedAgain {
   std::uint64_t next_sequence_ = 0;
 };
 
-/// The ledger of the session's controller, from the recorded echo. With a wrist it is not booked: the
-/// recording has no measured angles.
+/// The ledger of the session's controller, from the recorded echo. With a wrist it is not booked:
+/// the recording has no measured angles.
 class BookedAgain {
  public:
   BookedAgain(const Session& session, Recomputed& result)
