@@ -918,6 +918,11 @@ page_test("a task is done with the keyboard alone, and said to a screen reader",
 const until_closed = (page) => page.locator("body.is-plain").waitFor();
 const all_text = (page) => page.evaluate(() => document.body.innerText);
 const kExperts = /mofc|guard|fallback|requested|bound|ledger|transparency|lateness|credit|clamp|Events|Since the start/i;
+// a slow machine may lose a node for a moment, which is told by name
+async function until_plain(page) {
+  for (const end = performance.now() + kLimit.timeout / 3; kExperts.test(await all_text(page)) && performance.now() < end;) await page.waitForTimeout(20);
+  assert.doesNotMatch(await all_text(page), kExperts);
+}
 
 page_test("with a task what experts read waits behind Details: by mouse and keyboard, remembered", {}, async (page) => {
   await until_shown(page, "#session", /^mock\s*mofc guard$/);
@@ -926,7 +931,7 @@ page_test("with a task what experts read waits behind Details: by mouse and keyb
   assert.match(await all_text(page), /ledger/i);
   server.world.task = { ...kTask };
   await until_closed(page);
-  assert.doesNotMatch(await all_text(page), kExperts);
+  await until_plain(page);
   assert.doesNotMatch(await page.locator("#session").getAttribute("title"), /mofc|guard/);
   assert.equal(await details.getAttribute("aria-expanded"), "false");
   assert.equal(await page.locator("#plots").isVisible(), false);
@@ -948,10 +953,19 @@ page_test("with a task what experts read waits behind Details: by mouse and keyb
   await page.reload();
   await until_closed(page);
   await until(page, (t) => t.scene && t.device_ticks > 0, "the scene");
-  assert.doesNotMatch(await all_text(page), kExperts);
+  await until_plain(page);
   server.world.task = undefined;
   await page.locator("#plots").waitFor(); // as without a task from the beginning
   await until_shown(page, "#session", /^mock\s*mofc guard$/);
+});
+
+page_test("what experts read goes with the first word of a task, however seldom pictures are drawn", { page: { max_hz: 2 } }, async (page) => {
+  await rest_tool_at(page, -0.004);
+  await until_text(page, "state", /clamp/i);
+  server.world.task = { ...kTask };
+  await until_closed(page);
+  assert.doesNotMatch(await words(page, "state"), kExperts);
+  server.world.task = undefined;
 });
 
 page_test("with details closed a clamped force is a contact; faults, no force and lost nodes are told", {}, async (page) => {
@@ -960,7 +974,7 @@ page_test("with details closed a clamped force is a contact; faults, no force an
   await rest_tool_at(page, -0.004);
   await until(page, (t) => t.state.id === "clamped" || t.state.id === "exhausted", "a clamped force");
   await until_text(page, "state-title", /^Contact$/);
-  assert.doesNotMatch(await all_text(page), kExperts);
+  await until_plain(page);
   server.world.alive.physics = false;
   await until_text(page, "state-title", /^No force$/);
   await until_text(page, "banners", /physics_node \(the tissue\) is gone/);

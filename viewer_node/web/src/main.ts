@@ -69,7 +69,8 @@ const task = new TaskPanel(by_id("task"),
   });
 const details = new Details(by_id("details"), document.body, () => {
   if (scene) write_session(scene, details.are_closed);
-  plots_due_s = words_due_s = 0;
+  say(seconds(), shown(seconds())); // not a picture later: what is for experts goes at once
+  plots_due_s = 0;
 });
 const recordings = new RecordingList(by_id<HTMLDetailsElement>("recordings"), location.search);
 const counters = new Counters(by_id("plots"));
