@@ -23,7 +23,7 @@ struct DeviceProfile {
   std::optional<FrictionPerAxis> per_axis = {};
 };
 
-/// Three joints of the handle, all alike (core/wrist.h), as the clamp may count on them.
+/// Three joints of the handle, all alike (core/messages.h), as the clamp may count on them.
 struct WristProfile {
   double viscous_newton_m_s_per_rad = 2e-4;  ///< f_d, at least
   double coulomb_newton_m = 2e-3;            ///< f_co, at least

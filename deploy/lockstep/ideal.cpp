@@ -15,6 +15,7 @@ constexpr double kSameInstant_s = 0.5e-9;
 constexpr double kMemoryStep_s = 1e-3 - kSameInstant_s;
 
 Vector3 shaft_of(const Vector3& wrist_rad) {
+  if (wrist_rad.isZero(0.0)) return Vector3::UnitZ();  // nearly always there is none
   return device::orientation_of_wrist(wrist_rad) * Vector3::UnitZ();
 }
 

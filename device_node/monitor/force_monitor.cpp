@@ -40,8 +40,8 @@ DeviceConfig wrist_as_axes(const DeviceConfig& config) noexcept {
 double WorstHand::along_one_axis_watt(double excess_newton,
                                       double viscous_newton_s_per_m) const noexcept {
   if (!(excess_newton > 0.0)) return 0.0;
-  const double fastest =
-      std::min(v_max_m_per_s_, 0.5 * excess_newton / viscous_newton_s_per_m);  // f_d = 0: v_max
+  const double fastest = std::min(fastest_.v_max_m_per_s,
+                                  0.5 * excess_newton / viscous_newton_s_per_m);  // f_d = 0: v_max
   if (!std::isfinite(fastest)) return fastest;
   return (excess_newton - viscous_newton_s_per_m * fastest) * fastest;
 }
@@ -57,7 +57,7 @@ double WorstHand::drain_watt(const Vector3& force_newton) const noexcept {
   for (int i = 0; i < 3; ++i) {
     sum += along_one_axis_watt(excess[i], friction.viscous_newton_s_per_m[i]);
   }
-  if (is_v_max_per_axis_) return sum;
+  if (fastest_.is_v_max_per_axis) return sum;
   return std::min(sum,
                   along_one_axis_watt(excess.norm(), friction.viscous_newton_s_per_m.minCoeff()));
 }
@@ -67,9 +67,10 @@ double WorstHand::largest_scale(const Vector3& force_newton, double watt) const 
   if (!profile_.per_axis) {
     // e²/(4 f_d) = watt, or (e − f_d v_max) v_max = watt
     const double viscous = profile_.viscous_newton_s_per_m;
-    const bool is_at_v_max = watt > viscous * v_max_m_per_s_ * v_max_m_per_s_;
-    const double excess = is_at_v_max ? viscous * v_max_m_per_s_ + watt / v_max_m_per_s_
-                                      : 2.0 * std::sqrt(viscous * watt);
+    const bool is_at_v_max = watt > viscous * fastest_.v_max_m_per_s * fastest_.v_max_m_per_s;
+    const double excess = is_at_v_max
+                              ? viscous * fastest_.v_max_m_per_s + watt / fastest_.v_max_m_per_s
+                              : 2.0 * std::sqrt(viscous * watt);
     return std::min(1.0, (profile_.coulomb_newton + excess) / force_newton.norm());
   }
   constexpr int kHalvings = 30;

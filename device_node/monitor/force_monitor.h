@@ -23,10 +23,9 @@ class WorstHand {
   /// @param fastest  v_max > 0, may be infinite; that of each axis by itself only with friction
   ///                 per axis
   WorstHand(const DeviceProfile& profile, const MonitorConfig& fastest) noexcept
-      : WorstHand(profile, fastest.v_max_m_per_s, fastest.is_v_max_per_axis,
-                  fastest.fastest_m_per_s()) {}
+      : profile_(profile), fastest_(fastest) {}
   WorstHand(const DeviceProfile& profile, double v_max_m_per_s) noexcept
-      : WorstHand(profile, v_max_m_per_s, false, v_max_m_per_s) {}
+      : WorstHand(profile, MonitorConfig{.v_max_m_per_s = v_max_m_per_s}) {}
 
   /// D(F), ≥ 0; 0 for a force of f_co up to rounding; infinite where neither viscous friction nor
   /// v_max bounds it. D(sF) grows with s.
@@ -35,7 +34,7 @@ class WorstHand {
   /// 1e-9 too small. Lemma: bound_bounded_speed.
   [[nodiscard]] double largest_scale(const Vector3& force_newton, double watt) const noexcept;
   /// All axes together.
-  [[nodiscard]] double fastest_m_per_s() const noexcept { return fastest_m_per_s_; }
+  [[nodiscard]] double fastest_m_per_s() const noexcept { return fastest_.fastest_m_per_s(); }
 
   /// Every member, to be written to a file or read from one: state_text.h.
   template <class Archive>
@@ -51,25 +50,16 @@ class WorstHand {
     if constexpr (Archive::kIsReading) {
       profile_.per_axis = has_axes ? std::optional<FrictionPerAxis>(axes) : std::nullopt;
     }
-    archive(v_max_m_per_s_);
-    archive(is_v_max_per_axis_);
-    archive(fastest_m_per_s_);
+    archive(fastest_.v_max_m_per_s);
+    archive(fastest_.is_v_max_per_axis);
   }
 
  private:
-  WorstHand(const DeviceProfile& profile, double v_max_m_per_s, bool is_v_max_per_axis,
-            double fastest_m_per_s) noexcept
-      : profile_(profile),
-        v_max_m_per_s_(v_max_m_per_s),
-        is_v_max_per_axis_(is_v_max_per_axis),
-        fastest_m_per_s_(fastest_m_per_s) {}
   [[nodiscard]] double along_one_axis_watt(double excess_newton,
                                            double viscous_newton_s_per_m) const noexcept;
 
   DeviceProfile profile_;
-  double v_max_m_per_s_;
-  bool is_v_max_per_axis_;
-  double fastest_m_per_s_;
+  MonitorConfig fastest_;
 };
 
 /// The joints of a device's wrist as the axes of a device, rad for m and N·m for N: their monitor

@@ -13,6 +13,7 @@
 #include "common/session/simulation_config.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
+#include "device_node/simulation/simulated_wrist.h"
 
 namespace palpate::device {
 
@@ -43,14 +44,7 @@ class IdealRun {
         force_(std::move(force)),
         step_done_(std::move(step_done)),
         torque_(std::move(torque)) {
-    if (!simulated.wrist || !torque_) return;
-    const SimulatedDeviceConfig joints = joints_of(simulated);
-    const HandConfig turning = turning_of(hand);
-    Hand turns(turning, joints, seed + 1);
-    const Vector3 start_rad = turns.start_position_m();
-    wrist_ = Wrist{.peak_newton_m = joints.peak_force_newton,
-                   .hand = std::move(turns),
-                   .plant = Plant(plant_of(joints, turning), start_rad)};
+    if (torque_) wrist_ = SimulatedWrist::of(simulated, hand, seed);
   }
 
   /// Integrates up to `until`; does nothing if that has passed.
@@ -63,7 +57,7 @@ class IdealRun {
   [[nodiscard]] const TrueState& state() const noexcept { return plant_.state(); }
   /// Zero without a wrist.
   [[nodiscard]] Vector3 wrist_angle_rad() const noexcept {
-    return wrist_ ? wrist_->plant.state().hand_position_m : Vector3(Vector3::Zero());
+    return wrist_ ? wrist_->angle_rad() : Vector3(Vector3::Zero());
   }
   /// Limited to the device's peak; mean of the last inner step.
   [[nodiscard]] const Vector3& force_on_hand_newton() const noexcept {
@@ -86,21 +80,11 @@ class IdealRun {
     }
     plant_.advance(h_s, mean_velocity, force_on_hand_newton_);
     if (wrist_) {
-      wrist_->torque_newton_m =
-          limited_per_component(torque_(), Vector3::Constant(wrist_->peak_newton_m));
-      wrist_->plant.step(h_s, wrist_->hand.target(middle_s, wrist_->torque_newton_m),
-                         wrist_->torque_newton_m);
+      wrist_->set_torque(torque_());
+      wrist_->step(middle_s, h_s);
     }
     if (step_done_) step_done_(middle_s + 0.5 * h_s, plant_.state().hand_position_m);
   }
-
-  /// Its torque is that of the position half an inner step before.
-  struct Wrist {
-    double peak_newton_m;
-    Hand hand;
-    Plant plant;
-    Vector3 torque_newton_m = Vector3::Zero();
-  };
 
   Duration inner_step_;
   double peak_newton_;
@@ -111,7 +95,7 @@ class IdealRun {
   ForceField force_;
   StepDone step_done_;
   TorqueField torque_;
-  std::optional<Wrist> wrist_;
+  std::optional<SimulatedWrist> wrist_;  // its torque is of half an inner step before
   Vector3 force_on_hand_newton_ = Vector3::Zero();
 };
 

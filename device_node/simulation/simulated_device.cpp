@@ -19,19 +19,6 @@ Vector3 rounded(Vector3 values, double step) noexcept {
 
 }  // namespace
 
-std::optional<SimulatedDevice::Wrist> SimulatedDevice::wrist_of(const SimulatedDeviceConfig& device,
-                                                                const HandConfig& hand,
-                                                                std::uint64_t seed) {
-  if (!device.wrist) return std::nullopt;
-  const SimulatedDeviceConfig joints = joints_of(device);
-  const HandConfig turning = turning_of(hand);
-  Hand turns(turning, joints, seed + 1);
-  const Vector3 start_rad = turns.start_position_m();
-  return Wrist{.config = *device.wrist,
-               .hand = std::move(turns),
-               .plant = Plant(plant_of(joints, turning), start_rad)};
-}
-
 SimulatedDevice::SimulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand,
                                  const Clock& clock, std::uint64_t seed, HandGoals* goals)
     : config_(device),
@@ -48,7 +35,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceConfig& device, const Hand
       hand_(hand, device, seed),
       goals_(goals),
       plant_(plant_of(device, hand), hand_.start_position_m()),
-      wrist_(wrist_of(device, hand, seed)),
+      wrist_(SimulatedWrist::of(device, hand, seed)),
       start_(clock.now()),
       integrated_until_(start_),
       lease_end_(start_) {}
@@ -69,13 +56,10 @@ bool SimulatedDevice::apply(const Vector3& force_on_hand_newton, Duration lease,
   if (lease > Duration::zero()) {
     force_on_hand_newton_ = limited_to_norm(force_on_hand_newton, config_.peak_force_newton);
     lease_end_ = integrated_until_ + lease;
-    if (wrist_) {
-      wrist_->torque_newton_m =
-          limited_per_component(torque, Vector3::Constant(wrist_->config.peak_torque_newton_m));
-    }
+    if (wrist_) wrist_->set_torque(torque);
   }
   at_switch.applied_force_newton = force_on_hand_newton_;
-  if (wrist_) at_switch.wrist->acting_torque_newton_m = wrist_->torque_newton_m;
+  if (wrist_) at_switch.wrist->acting_torque_newton_m = wrist_->torque_newton_m();
   return true;
 }
 
@@ -94,21 +78,20 @@ bool SimulatedDevice::release() noexcept {
 
 void SimulatedDevice::end_force() noexcept {
   force_on_hand_newton_.setZero();
-  if (wrist_) wrist_->torque_newton_m.setZero();
+  if (wrist_) wrist_->set_torque(Vector3::Zero());
 }
 
 bool SimulatedDevice::is_acting() const noexcept {
-  return !force_on_hand_newton_.isZero(0.0) || (wrist_ && !wrist_->torque_newton_m.isZero(0.0));
+  return !force_on_hand_newton_.isZero(0.0) || (wrist_ && !wrist_->torque_newton_m().isZero(0.0));
 }
 
 TrueState SimulatedDevice::true_state() const noexcept {
   TrueState state = plant_.state();
   if (wrist_) {
-    const TrueState& joints = wrist_->plant.state();
-    state.energy_joule += joints.energy_joule;
-    state.minimum_energy_joule = wrist_->minimum_energy_joule;
-    state.wrist = {.angle_rad = joints.hand_position_m,
-                   .velocity_rad_per_s = joints.hand_velocity_m_per_s};
+    state.energy_joule += wrist_->energy_joule();
+    state.minimum_energy_joule = minimum_energy_joule_;
+    state.wrist = {.angle_rad = wrist_->angle_rad(),
+                   .velocity_rad_per_s = wrist_->velocity_rad_per_s()};
   }
   return state;
 }
@@ -166,23 +149,20 @@ void SimulatedDevice::integrate_until(TimePoint until) noexcept {
 
 /// The same with a wrist: both plants step together, as what counts is the sum of their energies.
 void SimulatedDevice::move_and_turn_until(TimePoint until) noexcept {
-  Wrist& wrist = *wrist_;
   in_equal_steps(
       start_, integrated_until_, until, config_.inner_step, [&](double middle_s, double h_s) {
         plant_.step(h_s, hand_.target(middle_s, force_on_hand_newton_), force_on_hand_newton_);
-        wrist.plant.step(h_s, wrist.hand.target(middle_s, wrist.torque_newton_m),
-                         wrist.torque_newton_m);
-        wrist.minimum_energy_joule =
-            std::min(wrist.minimum_energy_joule,
-                     plant_.state().energy_joule + wrist.plant.state().energy_joule);
+        wrist_->step(middle_s, h_s);
+        minimum_energy_joule_ =
+            std::min(minimum_energy_joule_, plant_.state().energy_joule + wrist_->energy_joule());
         if (steps_ == nullptr) return;
         steps_->push_back({.until_s = middle_s + 0.5 * h_s,
                            .duration_s = h_s,
                            .hand_position_m = plant_.state().hand_position_m,
                            .hand_velocity_m_per_s = plant_.state().hand_velocity_m_per_s,
                            .force_on_hand_newton = force_on_hand_newton_,
-                           .wrist_angle_rad = wrist.plant.state().hand_position_m,
-                           .wrist_torque_newton_m = wrist.torque_newton_m});
+                           .wrist_angle_rad = wrist_->angle_rad(),
+                           .wrist_torque_newton_m = wrist_->torque_newton_m()});
       });
   integrated_until_ = until;
 }
@@ -193,11 +173,10 @@ DeviceSample SimulatedDevice::sample() const noexcept {
                       .sampled_at = integrated_until_};
   sample.hand_position_m = rounded(sample.hand_position_m, config_.position_resolution_m);
   if (wrist_) {
-    const Vector3 angle_rad =
-        rounded(wrist_->plant.state().hand_position_m, wrist_->config.angle_resolution_rad);
+    const Vector3 angle_rad = rounded(wrist_->angle_rad(), config_.wrist->angle_resolution_rad);
     sample.orientation = orientation_of_wrist(angle_rad);
     sample.wrist = {.pose = {.angle_rad = angle_rad, .axes = axes_of_wrist(angle_rad)},
-                    .acting_torque_newton_m = wrist_->torque_newton_m};
+                    .acting_torque_newton_m = wrist_->torque_newton_m()};
   }
   return sample;
 }

@@ -13,6 +13,7 @@
 #include "device_node/device.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
+#include "device_node/simulation/simulated_wrist.h"
 #include "device_node/simulation/true_state.h"
 
 namespace palpate::device {
@@ -80,16 +81,6 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   }
 
  private:
-  /// The joints of the wrist: an inertia with friction each, in rad and N·m.
-  struct Wrist {
-    SimulatedWristConfig config;
-    Hand hand;
-    Plant plant;
-    Vector3 torque_newton_m = Vector3::Zero();  // on the hand, that acts
-    double minimum_energy_joule = 0.0;          // of force and torque, over all inner steps
-  };
-  [[nodiscard]] static std::optional<Wrist> wrist_of(const SimulatedDeviceConfig& device,
-                                                     const HandConfig& hand, std::uint64_t seed);
   void catch_up() noexcept;
   void move_and_turn_until(TimePoint until) noexcept;
   void end_force() noexcept;
@@ -103,7 +94,8 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   Hand hand_;
   HandGoals* goals_;
   Plant plant_;
-  std::optional<Wrist> wrist_;
+  std::optional<SimulatedWrist> wrist_;
+  double minimum_energy_joule_ = 0.0;  // with a wrist: of both, over all inner steps
   Vector3 next_torque_newton_m_ = Vector3::Zero();
   TimePoint start_;
   TimePoint integrated_until_;
