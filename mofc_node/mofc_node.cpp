@@ -100,7 +100,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
       .is_request_fresh = is_fresh(physics.interaction),
       .stored_energy_joule =
           wanted.tissue.stored_energy_joule * workspace.force_ratio / workspace.scale_ratio,
-      .hand_velocity_m_per_s = relay_.tool_velocity_world_m_per_s() / workspace.scale_ratio,
+      .hand_velocity_m_per_s = relay_.tool_velocity_world().tip_m_per_s / workspace.scale_ratio,
       .evaluated_at_m = has_model ? state.hand_position_m : probe.evaluated_at_m(),
       .surface_normal = probe.surface_normal(),
       .tissue = has_model ? &probe : nullptr,
@@ -282,7 +282,7 @@ MofcNode::Request MofcNode::request(const DeviceState& state, const Interaction*
   }
   const ModelForce tissue =
       tissue_.step(newest_, choice_.in_use(), state, relay_.tool_position_world_m(),
-                   relay_.tool_velocity_world_m_per_s(), to_seconds(since_previous));
+                   relay_.tool_velocity_world(), to_seconds(since_previous));
   return {.tissue = tissue, .state = tissue.is_touching ? MofcState::kContact : MofcState::kFree};
 }
 

@@ -4,6 +4,11 @@
 #include "mofc_node/motion_deadband.h"
 
 namespace palpate::mofc {
+namespace {
+
+constexpr double kMostAngularVelocity_rad_per_s = 1e3;  // that hop 2 carries
+
+}  // namespace
 
 MotionRelay::MotionRelay(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
                          Sender<ToolMotion>& out, std::uint64_t session_id)
@@ -15,6 +20,9 @@ MotionRelay::MotionRelay(const MofcConfig& mofc, const ClampedDevice& device, co
           device.profile.position_resolution_m * device.workspace.scale_ratio,
           device.workspace.scale_ratio, device.profile.coulomb_newton)) {
   motion_.header.session_id = session_id;
+  if (device.wrist) {
+    wrist_velocity_.emplace(AdaptiveWindowVelocity{}, device.wrist->angle_resolution_rad);
+  }
 }
 
 void MotionRelay::update(const DeviceState& state, const Vector3& mean_force_newton) noexcept {
@@ -28,6 +36,12 @@ void MotionRelay::update(const DeviceState& state, const Vector3& mean_force_new
       velocity_->update(state.tool_position_world_m, state.header.sampled_at, mean_force_newton);
   motion_.buttons = state.buttons;
   motion_.wants_torque = state.wrist.has_value();
+  if (state.wrist && wrist_velocity_) {
+    const Vector3 rad_per_s = wrist_velocity_->update(state.wrist->pose.angle_rad,
+                                                      state.header.sampled_at, Vector3::Zero());
+    motion_.tool_angular_velocity_world_rad_per_s =
+        limited_to_norm(state.wrist->pose.axes * rad_per_s, kMostAngularVelocity_rad_per_s);
+  }
   is_pending_ = true;
 }
 

@@ -26,7 +26,10 @@ class MotionRelay {
               Sender<ToolMotion>& out, std::uint64_t session_id);
 
   /// A new device session: the velocity estimate starts again from zero.
-  void reset() noexcept { velocity_->reset(); }
+  void reset() noexcept {
+    velocity_->reset();
+    if (wrist_velocity_) wrist_velocity_->reset();
+  }
   /// Makes the motion of this state; send() sends it.
   /// @param mean_force_newton  time average of the force on the hand since the previous state
   void update(const DeviceState& state, const Vector3& mean_force_newton) noexcept;
@@ -56,9 +59,9 @@ class MotionRelay {
   [[nodiscard]] Vector3 tool_position_world_m() const noexcept {
     return velocity_->position_m(motion_.tool_position_world_m);
   }
-  /// Estimated at the last update(), W.
-  [[nodiscard]] const Vector3& tool_velocity_world_m_per_s() const noexcept {
-    return motion_.tool_velocity_world_m_per_s;
+  /// Estimated at the last update().
+  [[nodiscard]] ToolVelocity tool_velocity_world() const noexcept {
+    return motion_.tool_velocity_world();
   }
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
   [[nodiscard]] std::uint64_t suppressed() const noexcept { return suppressed_; }
@@ -73,6 +76,7 @@ class MotionRelay {
   PhysicsRole in_use_ = PhysicsRole::kFirst;
   std::optional<MotionDeadband> deadband_;
   std::unique_ptr<VelocityEstimator> velocity_;
+  std::optional<AdaptiveWindowEstimator> wrist_velocity_;  // rad for m
   ToolMotion motion_;
   bool is_pending_ = false;         // motion_ waits for send()
   std::optional<ToolMotion> sent_;  // the last one that the link to the physics in use took

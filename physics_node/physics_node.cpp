@@ -121,7 +121,7 @@ void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexc
   if (deadband_ && interaction.surface.number == 0 && interaction.elastic.number == 0 &&
       interaction.physics_term == sent_.physics_term &&
       motion.header.session_id == sent_to_session_id_ &&
-      !is_worth_sending(sent_, interaction, motion.tool_velocity_world_m_per_s, *deadband_, use_)) {
+      !is_worth_sending(sent_, interaction, motion.tool_velocity_world(), *deadband_, use_)) {
     ++counters_.interactions_suppressed;
     return;
   }

@@ -93,7 +93,7 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
                             to_seconds(motion.receipts.loop_age));
   }
   const SceneForce force = tool_.step({.position_m = motion.tool_position_world_m,
-                                       .velocity_m_per_s = motion.tool_velocity_world_m_per_s,
+                                       .velocity = motion.tool_velocity_world(),
                                        .orientation = motion.tool_orientation_world,
                                        .jaw = jaw_of(motion, answer.header.session_id, elastic),
                                        .is_energised = is_energised(motion, elastic)},

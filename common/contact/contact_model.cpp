@@ -158,14 +158,14 @@ ModelForce without_arm(const Contact& contact, const Vector3& displacement_m,
 }  // namespace
 
 ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
-                    const Vector3& velocity_m_per_s, double age_s) noexcept {
-  ModelForce force = without_arm(contact, displacement_m, velocity_m_per_s, age_s);
+                    const ToolVelocity& velocity, double age_s) noexcept {
+  ModelForce force = without_arm(contact, displacement_m, velocity.at(contact.arm_m), age_s);
   force.torque_on_tool_newton_m = contact.arm_m.cross(force.force_on_tool_newton);
   return force;
 }
 
 ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position_world_m,
-                    const Vector3& tool_velocity_world_m_per_s, double age_s,
+                    const ToolVelocity& tool_velocity_world, double age_s,
                     std::span<const TissueShare> shares) noexcept {
   const Vector3 d = tool_position_world_m - interaction.tool_position_world_m;
   ModelForce sum;
@@ -179,7 +179,7 @@ ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position
     const bool is_held = contact.grip.number != 0;
     const double weight = is_held ? 0.0 : other != shares.end() ? 1.0 - other->share : 1.0;
     if (weight > 0.0) {
-      sum.add(weight, evaluate(contact, d, tool_velocity_world_m_per_s, age_s));
+      sum.add(weight, evaluate(contact, d, tool_velocity_world, age_s));
     }
     if (!is_all_listed) {
       sum.force_on_tool_newton -= contact.force_on_tool_newton;
@@ -199,14 +199,14 @@ ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position
 
 ModelForce evaluate_tissue(const Interaction& interaction, std::uint32_t tissue,
                            const Vector3& tool_position_world_m,
-                           const Vector3& tool_velocity_world_m_per_s, double age_s) noexcept {
+                           const ToolVelocity& tool_velocity_world, double age_s) noexcept {
   const Vector3 d = tool_position_world_m - interaction.tool_position_world_m;
   ModelForce sum;
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
     if (interaction.contacts[i].tissue != tissue || interaction.contacts[i].grip.number != 0) {
       continue;
     }
-    sum.add(1.0, evaluate(interaction.contacts[i], d, tool_velocity_world_m_per_s, age_s));
+    sum.add(1.0, evaluate(interaction.contacts[i], d, tool_velocity_world, age_s));
   }
   return sum;
 }

@@ -50,15 +50,15 @@ struct ModelForce {
   }
 };
 
-/// The contact at a tool displaced by `displacement_m` from the reference and moving at
-/// `velocity_m_per_s`, `age_s` ≥ 0 after the reference: the surface has kept its velocity.
+/// The contact at a tool displaced by `displacement_m` from the reference and moving at `velocity`,
+/// `age_s` ≥ 0 after the reference: the surface has kept its velocity.
 ///
 /// Beyond the trust radius the tissue is as at its edge, but never presses harder than the surface,
 /// continued, would let it: min(1, p/p_edge) of the force there, 0 once that surface is left.
 /// The force acts at the end of the contact's arm, which moves along with the tool without turning.
 /// Finite input gives a finite force unless numbers overflow. No allocation, no throw.
 [[nodiscard]] ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
-                                  const Vector3& velocity_m_per_s, double age_s) noexcept;
+                                  const ToolVelocity& velocity, double age_s) noexcept;
 
 /// The stretch of friction's spring that slips where it pulls harder than μ N: `wanted_m`, or as
 /// much of it as holds. Zero without normal force.
@@ -99,13 +99,13 @@ struct TissueShare {
 /// keep the force they had. Zero where it would not be finite.
 [[nodiscard]] ModelForce evaluate(const Interaction& interaction,
                                   const Vector3& tool_position_world_m,
-                                  const Vector3& tool_velocity_world_m_per_s, double age_s,
+                                  const ToolVelocity& tool_velocity_world, double age_s,
                                   std::span<const TissueShare> shares = {}) noexcept;
 
 /// The listed contacts of one tissue.
 [[nodiscard]] ModelForce evaluate_tissue(const Interaction& interaction, std::uint32_t tissue,
                                          const Vector3& tool_position_world_m,
-                                         const Vector3& tool_velocity_world_m_per_s,
+                                         const ToolVelocity& tool_velocity_world,
                                          double age_s) noexcept;
 
 /// The force of the Interaction, unchanged wherever the tool goes (zero-order hold).

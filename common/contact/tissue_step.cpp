@@ -126,7 +126,7 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double r
 }
 
 Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material, double relaxed_m,
-                       const TissueMotionConfig& motion, const Vector3& tool_velocity_world_m_per_s,
+                       const TissueMotionConfig& motion, const ToolVelocity& tool_velocity_world,
                        double time_s) noexcept {
   Contact contact = contact_of(touch, material, relaxed_m);
   contact.tissue = touch.tissue;
@@ -144,7 +144,7 @@ Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material, 
   contact.surface_velocity_world_m_per_s = displacement(motion, time_s).velocity_m_per_s;
   if (contact.penetration_m > 0.0) {
     contact.force_on_tool_newton =
-        evaluate(contact, Vector3::Zero(), tool_velocity_world_m_per_s, 0.0).force_on_tool_newton;
+        evaluate(contact, Vector3::Zero(), tool_velocity_world, 0.0).force_on_tool_newton;
   }
   return contact;
 }

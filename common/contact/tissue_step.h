@@ -79,11 +79,11 @@ class TissueStep {
 };
 
 /// The contact of a settled touch with its total force.
-/// @param tool_velocity_world_m_per_s  for the damping
+/// @param tool_velocity_world  for the damping
 /// @param time_s                       of the tissue's motion
 [[nodiscard]] Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material,
                                      double relaxed_m, const TissueMotionConfig& motion,
-                                     const Vector3& tool_velocity_world_m_per_s,
+                                     const ToolVelocity& tool_velocity_world,
                                      double time_s) noexcept;
 
 }  // namespace palpate

@@ -106,6 +106,26 @@ struct ForceCommand {
   Vector3 wrist_torque_newton_m = Vector3::Zero();  ///< on the hand, per joint; with a wrist
 };
 
+/// How a rigid tool moves; W.
+struct ToolVelocity {
+  Vector3 tip_m_per_s = Vector3::Zero();
+  Vector3 angular_rad_per_s = Vector3::Zero();
+
+  ToolVelocity() = default;
+  ToolVelocity(const Vector3& tip, const Vector3& angular)
+      : tip_m_per_s(tip), angular_rad_per_s(angular) {}
+  // A tool that does not turn.
+  // NOLINTBEGIN(google-explicit-constructor)
+  ToolVelocity(double x, double y, double z) : tip_m_per_s(x, y, z) {}
+  template <class Derived>
+  ToolVelocity(const Eigen::MatrixBase<Derived>& tip) : tip_m_per_s(tip) {}
+  // NOLINTEND(google-explicit-constructor)
+  /// Of its point there.   @param arm_m  from the tip
+  [[nodiscard]] Vector3 at(const Vector3& arm_m) const noexcept {
+    return tip_m_per_s + angular_rad_per_s.cross(arm_m);
+  }
+};
+
 /// What mofc_node did to the tissue in the jaws.
 struct GripReport {
   std::uint64_t physics_session_id = 0;  ///< whose Grip it is
@@ -137,6 +157,12 @@ struct ToolMotion {
   Wave wave{};                       ///< with wave variables: towards the tissue, W
   std::optional<GripReport> grip{};  ///< none: nothing is held, or physics' own slip counts
   bool wants_torque = false;         ///< the device can render it: contacts say where they act
+  /// Estimated by mofc; with a wrist only.
+  Vector3 tool_angular_velocity_world_rad_per_s = Vector3::Zero();
+
+  [[nodiscard]] ToolVelocity tool_velocity_world() const noexcept {
+    return {tool_velocity_world_m_per_s, tool_angular_velocity_world_rad_per_s};
+  }
 };
 
 /// How a needle yields along its hole, or a blade along its cut (contact/elastic/grip.h). Its depth

@@ -41,9 +41,11 @@ Ideal::Ideal(const Session& session, const Side& side)
           [this](double time_s, const Vector3& hand_m, const Vector3& hand_m_per_s) {
             const Vector3 tool_m = run_map_.tool_position_world_m(hand_m);
             const Vector3 wrist_rad = run_.wrist_angle_rad();
+            const ToolVelocity velocity{
+                run_map_.tool_velocity_world_m_per_s(hand_m_per_s),
+                device::angular_velocity_of_wrist(wrist_rad, run_.wrist_velocity_rad_per_s())};
             const physics::SceneForce touch =
-                scene_.evaluate(tool_m, run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
-                                run_memory_, shaft_of(wrist_rad));
+                scene_.evaluate(tool_m, velocity, time_s, run_memory_, shaft_of(wrist_rad));
             run_newton_m_ =
                 torque_on_hand(run_map_.is_clutched(), wrist_rad, touch.torque_on_tool_newton_m);
             return force_on_hand(run_map_.is_clutched(),
@@ -89,14 +91,17 @@ void Ideal::judge(TickRow& row, std::vector<device::InnerStep>& steps) {
                  .tool_m = map_.tool_position_world_m(step->hand_position_m),
                  .tool_m_per_s = map_.tool_velocity_world_m_per_s(step->hand_velocity_m_per_s),
                  .is_clutched = map_.is_clutched(),
-                 .wrist_rad = step->wrist_angle_rad}));
+                 .wrist_rad = step->wrist_angle_rad,
+                 .wrist_rad_per_s = step->wrist_velocity_rad_per_s}));
   }
-  const OnHand now = own({.time_s = time_s,
-                          .tool_m = tick.true_tool_position_world_m,
-                          .tool_m_per_s = tick.true_tool_velocity_world_m_per_s,
-                          .is_clutched = tick.is_clutched,
-                          .wrist_rad = device_.wrist ? tick.true_wrist_angle_rad : Vector3::Zero(),
-                          .is_row = true});
+  const OnHand now =
+      own({.time_s = time_s,
+           .tool_m = tick.true_tool_position_world_m,
+           .tool_m_per_s = tick.true_tool_velocity_world_m_per_s,
+           .is_clutched = tick.is_clutched,
+           .wrist_rad = device_.wrist ? tick.true_wrist_angle_rad : Vector3::Zero(),
+           .wrist_rad_per_s = device_.wrist ? tick.true_wrist_velocity_rad_per_s : Vector3::Zero(),
+           .is_row = true});
   row.ideal_force_on_hand_newton = now.newton;
   row.is_truly_in_contact = now.is_in_contact;
   if (step != steps.end() && step->until_s < time_s + kSameInstant_s) {
@@ -117,9 +122,11 @@ Ideal::OnHand Ideal::own(const At& at) {
   const bool is_due = at.is_row || !stepped_s_ || at.time_s > *stepped_s_ + kMemoryStep_s;
   if (is_due) stepped_s_ = at.time_s;
   const Vector3 shaft = shaft_of(at.wrist_rad);
-  physics::SceneForce touch =
-      is_due ? scene_.step(memory_, at.tool_m, at.tool_m_per_s, at.time_s, shaft)
-             : scene_.evaluate(at.tool_m, at.tool_m_per_s, at.time_s, memory_, shaft);
+  const ToolVelocity velocity{at.tool_m_per_s,
+                              device::angular_velocity_of_wrist(at.wrist_rad, at.wrist_rad_per_s)};
+  physics::SceneForce touch = is_due
+                                  ? scene_.step(memory_, at.tool_m, velocity, at.time_s, shaft)
+                                  : scene_.evaluate(at.tool_m, velocity, at.time_s, memory_, shaft);
   elastic_.advance(at.time_s, at.tool_m, touch, is_jaw_closed_, is_energised_);
   return {.newton = limited_to_norm(force_on_hand(at.is_clutched, touch.force_on_tool_newton),
                                     peak_force_newton_),

@@ -40,6 +40,7 @@ class Ideal {
     Vector3 tool_m_per_s;
     bool is_clutched;
     Vector3 wrist_rad;  // angles of its joints
+    Vector3 wrist_rad_per_s;
     bool is_row = false;
   };
   /// What the tissue does to the hand, limited to the peaks.

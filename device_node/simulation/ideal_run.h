@@ -59,6 +59,9 @@ class IdealRun {
   [[nodiscard]] Vector3 wrist_angle_rad() const noexcept {
     return wrist_ ? wrist_->angle_rad() : Vector3(Vector3::Zero());
   }
+  [[nodiscard]] Vector3 wrist_velocity_rad_per_s() const noexcept {
+    return wrist_ ? wrist_->velocity_rad_per_s() : Vector3(Vector3::Zero());
+  }
   /// Limited to the device's peak; mean of the last inner step.
   [[nodiscard]] const Vector3& force_on_hand_newton() const noexcept {
     return force_on_hand_newton_;

@@ -162,6 +162,7 @@ void SimulatedDevice::move_and_turn_until(TimePoint until) noexcept {
                            .hand_velocity_m_per_s = plant_.state().hand_velocity_m_per_s,
                            .force_on_hand_newton = force_on_hand_newton_,
                            .wrist_angle_rad = wrist_->angle_rad(),
+                           .wrist_velocity_rad_per_s = wrist_->velocity_rad_per_s(),
                            .wrist_torque_newton_m = wrist_->torque_newton_m()});
       });
   integrated_until_ = until;

@@ -35,6 +35,7 @@ struct InnerStep {
   Vector3 force_on_hand_newton = Vector3::Zero();   ///< D, acted in this step
   // with a wrist, per joint
   Vector3 wrist_angle_rad = Vector3::Zero();
+  Vector3 wrist_velocity_rad_per_s = Vector3::Zero();
   Vector3 wrist_torque_newton_m = Vector3::Zero();  ///< on the hand, acted in this step
 };
 

@@ -17,6 +17,12 @@ namespace palpate::device {
   axes.col(2) = first * (second * Vector3::UnitZ());
   return axes;
 }
+/// How it turns the tool, D.
+[[nodiscard]] inline Vector3 angular_velocity_of_wrist(const Vector3& angle_rad,
+                                                       const Vector3& joints_rad_per_s) noexcept {
+  if (joints_rad_per_s.isZero(0.0)) return Vector3::Zero();  // nearly always there is none
+  return axes_of_wrist(angle_rad) * joints_rad_per_s;
+}
 /// Its orientation, D from T.
 [[nodiscard]] inline Quaternion orientation_of_wrist(const Vector3& angle_rad) noexcept {
   return Quaternion(Eigen::AngleAxisd(angle_rad.x(), Vector3::UnitX())) *

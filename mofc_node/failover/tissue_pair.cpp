@@ -30,7 +30,7 @@ void TissuePair::drop(PhysicsRole role, PhysicsRole in_use) noexcept {
 ModelForce TissuePair::step(const std::array<const Interaction*, kPhysicsRoles>& newest,
                             PhysicsRole in_use, const DeviceState& state,
                             const Vector3& tool_position_world_m,
-                            const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept {
+                            const ToolVelocity& tool_velocity_world, double dt_s) noexcept {
   std::array<ModelForce, kPhysicsRoles> forces{};
   work_ = 0;
   const std::size_t used = index_of(in_use);
@@ -41,8 +41,8 @@ ModelForce TissuePair::step(const std::array<const Interaction*, kPhysicsRoles>&
     } else if (use_ == InteractionUse::kHeld) {
       forces[i] = held(*newest[i]);
     } else {
-      forces[i] = models_[i]->step(*newest[i], state, tool_position_world_m,
-                                   tool_velocity_world_m_per_s, dt_s, work_);
+      forces[i] = models_[i]->step(*newest[i], state, tool_position_world_m, tool_velocity_world,
+                                   dt_s, work_);
       work_ += models_[i]->work();
     }
   }

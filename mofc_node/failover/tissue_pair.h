@@ -46,7 +46,7 @@ class TissuePair {
   [[nodiscard]] ModelForce step(const std::array<const Interaction*, kPhysicsRoles>& newest,
                                 PhysicsRole in_use, const DeviceState& state,
                                 const Vector3& tool_position_world_m,
-                                const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
+                                const ToolVelocity& tool_velocity_world, double dt_s) noexcept;
 
   /// So long the force of the last step needs no news: TissueModel::holds_for(), the shorter of
   /// all that count.

@@ -56,7 +56,7 @@ void HeldTissue::follow_yields(NeedleLaw& needle, double most_newton) noexcept {
 
 ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
                             const Vector3& tool_position_world_m,
-                            const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept {
+                            const ToolVelocity& tool_velocity_world, double dt_s) noexcept {
   const Contact* const end = newest.contacts.data() + newest.listed_count;
   const Contact* const contact = std::find_if(
       newest.contacts.data(), end, [](const Contact& one) { return one.grip.number != 0; });
@@ -88,10 +88,10 @@ ModelForce HeldTissue::step(const Interaction& newest, std::uint32_t buttons,
 
   const Vector3 at_m = tool_position_world_m - report_->slip_m;
   follow_yields(grip.needle, newton_per_s_ * dt_s);
-  take(*contact, newest, at_m, tool_velocity_world_m_per_s);
+  take(*contact, newest, at_m, tool_velocity_world.tip_m_per_s);
   const double offset = std::max(offset_newton_.norm(), 1e-12);
   offset_newton_ *= 1.0 - std::min({1.0, dt_s / kPassage_s, newton_per_s_ * dt_s / offset});
-  const Vector3 wanted = law_.at(at_m, tool_velocity_world_m_per_s) + offset_newton_;
+  const Vector3 wanted = law_.at(at_m, tool_velocity_world.tip_m_per_s) + offset_newton_;
   const bool is_needle = grip.needle.is_there();
   grip.needle.deepest_m = std::max(grip.needle.deepest_m, deepest_m_);
   Matrix3 stiffness = law_.stiffness_newton_per_m;

@@ -49,7 +49,7 @@ class HeldTissue {
   /// @param buttons  that are held now   @param dt_s  ≥ 0, since the step before
   [[nodiscard]] ModelForce step(const Interaction& newest, std::uint32_t buttons,
                                 const Vector3& tool_position_world_m,
-                                const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
+                                const ToolVelocity& tool_velocity_world, double dt_s) noexcept;
 
   /// The jaws are around this tissue, as hop 3 says; whatever else is known of it does not count.
   [[nodiscard]] bool is_about(std::uint32_t tissue) const noexcept {

@@ -36,7 +36,7 @@ void LocalTissues::forget(Memory& memory) noexcept {
 
 void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
                         const Interaction& newest, const ToolPose& now,
-                        const Vector3& tool_velocity_world_m_per_s,
+                        const ToolVelocity& tool_velocity_world,
                         const std::array<double, kMaxDescribed>& shares,
                         std::uint32_t most_work) noexcept {
   Budget left{.views = kViewsPerStep, .work = most_work};
@@ -46,8 +46,8 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
       Memory& memory = memories_[i];
       results_[i] = {};
       if (tissues[i].is_known()) {
-        results_[i] = step_one(tissues[i], newest, now, tool_velocity_world_m_per_s,
-                               shares[i] > 0.0, memory, left);
+        results_[i] =
+            step_one(tissues[i], newest, now, tool_velocity_world, shares[i] > 0.0, memory, left);
       } else if (memory.is_used) {
         memory = {};
       }
@@ -62,7 +62,7 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
 }
 
 LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Interaction& newest,
-                                            const ToolPose& now, const Vector3& velocity,
+                                            const ToolPose& now, const ToolVelocity& velocity,
                                             bool has_share, Memory& memory, Budget& left) noexcept {
   memory.is_used = true;
   if (memory.version != tissue.version()) {
@@ -140,8 +140,9 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
 
 std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissue,
                                                           const ToolPose& tool,
-                                                          const Vector3& velocity, bool has_share,
-                                                          Memory& memory, Budget& left) noexcept {
+                                                          const ToolVelocity& velocity,
+                                                          bool has_share, Memory& memory,
+                                                          Budget& left) noexcept {
   const KelvinVoigtMaterial& material = tissue.material();
   Result result{.is_stepped = true, .is_valid = true, .tissue = tissue.tissue()};
   ToolPose now = tool;

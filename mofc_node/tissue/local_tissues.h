@@ -61,7 +61,7 @@ class LocalTissues {
   /// @param shares     of each tissue's result in the force now, 0 … 1
   /// @param most_work  @see work_in()
   void step(std::array<DescribedTissue, kMaxDescribed>& tissues, const Interaction& newest,
-            const ToolPose& now, const Vector3& tool_velocity_world_m_per_s,
+            const ToolPose& now, const ToolVelocity& tool_velocity_world,
             const std::array<double, kMaxDescribed>& shares, std::uint32_t most_work) noexcept;
 
   [[nodiscard]] const std::array<Result, kMaxDescribed>& results() const noexcept {
@@ -118,12 +118,12 @@ class LocalTissues {
     }
   };
   static Result step_one(DescribedTissue& tissue, const Interaction& newest, const ToolPose& now,
-                         const Vector3& velocity, bool has_share, Memory& memory,
+                         const ToolVelocity& velocity, bool has_share, Memory& memory,
                          Budget& left) noexcept;
   /// @param has_share  an invalid result counts too
   /// @param left       reduced by what this tissue needs; none if it needed more
   static std::optional<Result> advance(DescribedTissue& tissue, const ToolPose& now,
-                                       const Vector3& velocity, bool has_share, Memory& memory,
+                                       const ToolVelocity& velocity, bool has_share, Memory& memory,
                                        Budget& left) noexcept;
 
   std::array<Memory, kMaxDescribed> memories_;

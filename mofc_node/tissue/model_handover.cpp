@@ -29,19 +29,19 @@ bool ModelHandover::is_same(const Model& model, const Interaction& newest) noexc
 }
 
 ModelForce ModelHandover::of_tissue(std::uint32_t tissue, const Vector3& tool_position_world_m,
-                                    const Vector3& tool_velocity_world_m_per_s,
+                                    const ToolVelocity& tool_velocity_world,
                                     TimePoint now) const noexcept {
   if (!has_model_) return {};
   const Model& model = models_[current_];
-  return evaluate_tissue(model.interaction, tissue, tool_position_world_m,
-                         tool_velocity_world_m_per_s, surface_age_s(model, now));
+  return evaluate_tissue(model.interaction, tissue, tool_position_world_m, tool_velocity_world,
+                         surface_age_s(model, now));
 }
 
 ModelForce ModelHandover::step(const Interaction& newest, const Vector3& tool_position_world_m,
-                               const Vector3& tool_velocity_world_m_per_s, double dt_s,
-                               TimePoint now, std::span<const TissueShare> shares) noexcept {
+                               const ToolVelocity& tool_velocity_world, double dt_s, TimePoint now,
+                               std::span<const TissueShare> shares) noexcept {
   const auto at_tool = [&](const Model& model) {
-    return evaluate(model.interaction, tool_position_world_m, tool_velocity_world_m_per_s,
+    return evaluate(model.interaction, tool_position_world_m, tool_velocity_world,
                     surface_age_s(model, now), shares);
   };
   last_step_newton_ = 0.0;

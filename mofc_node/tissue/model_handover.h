@@ -35,12 +35,12 @@ class ModelHandover {
   /// @param now     time of that position, device's clock
   /// @param shares  of tissues whose force comes from elsewhere
   [[nodiscard]] ModelForce step(const Interaction& newest, const Vector3& tool_position_world_m,
-                                const Vector3& tool_velocity_world_m_per_s, double dt_s,
-                                TimePoint now, std::span<const TissueShare> shares = {}) noexcept;
+                                const ToolVelocity& tool_velocity_world, double dt_s, TimePoint now,
+                                std::span<const TissueShare> shares = {}) noexcept;
 
   /// One tissue in the present model; no force without one.
   [[nodiscard]] ModelForce of_tissue(std::uint32_t tissue, const Vector3& tool_position_world_m,
-                                     const Vector3& tool_velocity_world_m_per_s,
+                                     const ToolVelocity& tool_velocity_world,
                                      TimePoint now) const noexcept;
 
   /// Change of the force by the transition in the last step [N]; at most rate · dt.

@@ -77,13 +77,13 @@ void TissueModel::note_cost(std::uint64_t physics_session_id) noexcept {
 
 ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state,
                              const Vector3& tool_position_world_m,
-                             const Vector3& tool_velocity_world_m_per_s, double dt_s,
+                             const ToolVelocity& tool_velocity_world, double dt_s,
                              std::uint32_t spent_work) noexcept {
   const TimePoint now = state.header.sampled_at;
   std::array<TissueShare, kMaxDescribed + kMaxElasticPatches> shares;
   std::size_t share_count = 0;
   ModelForce sum =
-      held_.step(newest, state.buttons, tool_position_world_m, tool_velocity_world_m_per_s, dt_s);
+      held_.step(newest, state.buttons, tool_position_world_m, tool_velocity_world, dt_s);
   const bool is_holding = sum.is_touching;
   holds_for_ = store_ ? Duration::max() : Duration::zero();
   const auto add = [&](const LocalTissues::Result& local, double share, Duration law_holds_for) {
@@ -99,12 +99,12 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
                         .shaft = state.tool_orientation_world * Vector3::UnitZ(),
                         .time_s = clock_.now_s(now).value_or(0.0)};
     const std::uint32_t most_work = work_per_step_ - std::min(spent_work, work_per_step_);
-    local_.step(store_->tissues(), newest, pose, tool_velocity_world_m_per_s, shares_, most_work);
+    local_.step(store_->tissues(), newest, pose, tool_velocity_world, shares_, most_work);
     if (spent_work == 0) note_cost(newest.header.session_id);
     elastic_->step(newest, tool_position_world_m, dt_s, pose.time_s,
                    most_work - std::min(local_.work(), most_work));
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
-      share_out(local_.results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
+      share_out(local_.results()[i], now, tool_position_world_m, tool_velocity_world, dt_s,
                 shares_[i]);
       const TissueMotionConfig& motion = store_->tissues()[i].motion();
       add(local_.results()[i], shares_[i],
@@ -114,17 +114,17 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
     }
     for (std::size_t i = 0; i < kMaxElasticPatches; ++i) {
       const double share_before = elastic_shares_[i];
-      share_out(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s,
-                dt_s, elastic_shares_[i]);
+      share_out(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world, dt_s,
+                elastic_shares_[i]);
       add(elastic_->results()[i], elastic_shares_[i], Duration::zero());
-      part(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
+      part(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world, dt_s,
            share_before, elastic_shares_[i], partings_[i]);
       sum.force_on_tool_newton += partings_[i].left_newton;
     }
     if (costs_too_much() && share_count == 0) store_->drop();
   }
-  const ModelForce rest = handover_.step(newest, tool_position_world_m, tool_velocity_world_m_per_s,
-                                         dt_s, now, std::span(shares).first(share_count));
+  const ModelForce rest = handover_.step(newest, tool_position_world_m, tool_velocity_world, dt_s,
+                                         now, std::span(shares).first(share_count));
   sum.add(1.0, rest);
   if (rest.is_touching || is_holding) holds_for_ = {};
   return sum;
@@ -132,7 +132,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
 
 /// A step of the transition between a tissue's contact model and its local result.
 void TissueModel::share_out(const LocalTissues::Result& local, TimePoint now,
-                            const Vector3& position, const Vector3& velocity, double dt_s,
+                            const Vector3& position, const ToolVelocity& velocity, double dt_s,
                             double& share) noexcept {
   const double bound_newton = newton_per_s_ * dt_s;
   const bool counts = local.is_valid && !costs_too_much() && !held_.is_about(local.tissue);
@@ -146,7 +146,7 @@ void TissueModel::share_out(const LocalTissues::Result& local, TimePoint now,
 }
 
 void TissueModel::part(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
-                       const Vector3& velocity, double dt_s, double share_before, double share,
+                       const ToolVelocity& velocity, double dt_s, double share_before, double share,
                        Parting& parting) noexcept {
   // a force that ends while the tip does not go its way has not been left
   const Vector3& before = parting.local_newton;

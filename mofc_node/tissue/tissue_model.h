@@ -72,7 +72,7 @@ class TissueModel {
   /// @param spent_work  of what the step can spend, before
   [[nodiscard]] ModelForce step(const Interaction& newest, const DeviceState& state,
                                 const Vector3& tool_position_world_m,
-                                const Vector3& tool_velocity_world_m_per_s, double dt_s,
+                                const ToolVelocity& tool_velocity_world, double dt_s,
                                 std::uint32_t spent_work = 0) noexcept;
   /// Of the last step.
   [[nodiscard]] std::uint32_t work() const noexcept {
@@ -82,7 +82,7 @@ class TissueModel {
  private:
   void note_cost(std::uint64_t physics_session_id) noexcept;
   void share_out(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
-                 const Vector3& velocity, double dt_s, double& share) noexcept;
+                 const ToolVelocity& velocity, double dt_s, double& share) noexcept;
   /// A patch whose result ends at once: what it had more than the contact model is left to fade.
   struct Parting {
     std::uint32_t tissue = 0;                // of the step before,
@@ -92,7 +92,7 @@ class TissueModel {
     double newton_per_s = 0.0;  // with which that fades
   };
   void part(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
-            const Vector3& velocity, double dt_s, double share_before, double share,
+            const ToolVelocity& velocity, double dt_s, double share_before, double share,
             Parting& parting) noexcept;
 
   double newton_per_s_;

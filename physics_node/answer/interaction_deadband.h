@@ -14,14 +14,14 @@ namespace palpate::physics {
 /// motion from the last Interaction sent: it evaluates that contact model, or holds that force.
 [[nodiscard]] inline double receiver_error_newton(const Interaction& sent,
                                                   const Interaction& present,
-                                                  const Vector3& tool_velocity_world_m_per_s,
+                                                  const ToolVelocity& tool_velocity_world,
                                                   InteractionUse use) noexcept {
   if (use == InteractionUse::kHeld) {
     return (present.force_on_tool_newton - sent.force_on_tool_newton).norm();
   }
   const double age_s = to_seconds(present.header.sampled_at - sent.header.sampled_at);
   const ModelForce received =
-      evaluate(sent, present.tool_position_world_m, tool_velocity_world_m_per_s, age_s);
+      evaluate(sent, present.tool_position_world_m, tool_velocity_world, age_s);
   return (present.force_on_tool_newton - received.force_on_tool_newton).norm();
 }
 
@@ -30,7 +30,7 @@ namespace palpate::physics {
 /// it is false, the error at the times of the physics steps is at most max(k|F|, floor).
 /// No allocation, no lock, no throw.
 [[nodiscard]] inline bool is_worth_sending(const Interaction& sent, const Interaction& present,
-                                           const Vector3& tool_velocity_world_m_per_s,
+                                           const ToolVelocity& tool_velocity_world,
                                            const InteractionDeadband& deadband,
                                            InteractionUse use) noexcept {
   if (present.device_session_id != sent.device_session_id) return true;
@@ -43,7 +43,7 @@ namespace palpate::physics {
   };
   if (grip(present) != grip(sent)) return true;
   if (present.header.sampled_at - sent.header.sampled_at >= deadband.keep_alive) return true;
-  return receiver_error_newton(sent, present, tool_velocity_world_m_per_s, use) >
+  return receiver_error_newton(sent, present, tool_velocity_world, use) >
          std::max(deadband.ratio * present.force_on_tool_newton.norm(), deadband.floor_newton);
 }
 

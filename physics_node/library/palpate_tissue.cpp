@@ -133,7 +133,7 @@ Simulation::Target target_of(const palpate_tool& tool) {
   Simulation::Target target{.tool = {.position_m = vector_of(tool.position_m),
                                      .jaw = {.is_closed = tool.are_jaws_closed != 0}},
                             .is_velocity_known = tool.is_velocity_known != 0};
-  if (target.is_velocity_known) target.tool.velocity_m_per_s = vector_of(tool.velocity_m_per_s);
+  if (target.is_velocity_known) target.tool.velocity.tip_m_per_s = vector_of(tool.velocity_m_per_s);
   if (q[0] != 0.0 || q[1] != 0.0 || q[2] != 0.0 || q[3] != 0.0) {
     target.tool.orientation = palpate::Quaternion(q[0], q[1], q[2], q[3]);
   }

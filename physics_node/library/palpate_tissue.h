@@ -55,7 +55,8 @@ typedef struct palpate_tool {
   double position_m[3];       /**< of the centre of the tip; finite, within +-1000 */
   double velocity_m_per_s[3]; /**< at the end of the step, for damping; used if known */
   double orientation_wxyz[4]; /**< unit quaternion; its z leads to the handle. Zeros: none */
-  int32_t is_velocity_known;  /**< 0: the velocity is that of the way in this step */
+  int32_t is_velocity_known;  /**< 0: the velocity is that of the way in this step;
+                                   how fast the tool turns is that of the way anyhow */
   int32_t are_jaws_closed;    /**< not 0: closed, if the scene's tool has a gripper */
 } palpate_tool;
 

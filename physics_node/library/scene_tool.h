@@ -14,8 +14,8 @@ namespace palpate::physics {
 
 /// Where a tool is and how it moves; frame W.
 struct ToolState {
-  Vector3 position_m = Vector3::Zero();  ///< of the centre of the tip
-  Vector3 velocity_m_per_s = Vector3::Zero();
+  Vector3 position_m = Vector3::Zero();             ///< of the centre of the tip
+  ToolVelocity velocity{};                          ///< for damping
   Quaternion orientation = Quaternion::Identity();  ///< its z leads to the handle
   JawInput jaw{};                                   ///< counts with a gripper only
   bool is_energised = false;                        ///< its electrode; counts with one only
@@ -43,7 +43,7 @@ class SceneTool {
   SceneForce step(const ToolState& tool, double time_s) noexcept {
     const Vector3 shaft_to_handle = tool.orientation * Vector3::UnitZ();
     SceneForce force =
-        scene_->step(memory_, tool.position_m, tool.velocity_m_per_s, time_s, shaft_to_handle);
+        scene_->step(memory_, tool.position_m, tool.velocity, time_s, shaft_to_handle);
     if (elastic_) {
       JawInput jaw = tool.jaw;
       jaw.inward_world = -shaft_to_handle;

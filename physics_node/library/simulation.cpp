@@ -7,6 +7,18 @@
 
 namespace palpate::physics {
 
+namespace {
+
+/// From one orientation to another, the shorter way; W.
+Vector3 rotation_vector_rad(const Quaternion& from, const Quaternion& to) {
+  if (from.coeffs() == to.coeffs()) return Vector3::Zero();
+  const Eigen::AngleAxisd way(to * from.conjugate());
+  const double angle_rad = way.angle() > M_PI ? way.angle() - 2.0 * M_PI : way.angle();
+  return angle_rad * way.axis();
+}
+
+}  // namespace
+
 Simulation::Simulation(std::shared_ptr<const SharedScene> shared, std::size_t tools, bool is_folded)
     : shared_(std::move(shared)), last_(tools) {
   if (!shared_->bodies().empty()) {
@@ -30,9 +42,11 @@ void Simulation::step(std::span<const Target> tools, Duration dt, std::uint32_t 
       const ToolState& last = last_[i].value_or(tools[i].tool);
       ToolState now = tools[i].tool;
       if (!tools[i].is_velocity_known) {
-        now.velocity_m_per_s = (now.position_m - last.position_m) / to_seconds(dt);
+        now.velocity.tip_m_per_s = (now.position_m - last.position_m) / to_seconds(dt);
       }
-      now.jaw.velocity_m_per_s = now.velocity_m_per_s;
+      now.velocity.angular_rad_per_s =
+          rotation_vector_rad(last.orientation, now.orientation) / to_seconds(dt);
+      now.jaw.velocity_m_per_s = now.velocity.tip_m_per_s;
       if (part < parts) {
         now.position_m = last.position_m + share * (now.position_m - last.position_m);
         now.orientation = last.orientation.slerp(share, now.orientation);

@@ -200,18 +200,18 @@ double Scene::relaxed_m(const Touch& touch, const TissueMemory& memory) const no
 
 /// Adds a settled touch to the sum, if it touches or is within reach.
 void Scene::add(const Touch& touch, const TissueMemory& memory,
-                const Vector3& tip_velocity_world_m_per_s, double time_s,
+                const ToolVelocity& tool_velocity_world, double time_s,
                 SceneForce& sum) const noexcept {
   const double penetration_m = touch.penetration_m();
   if (!touch.is_punctured && !(penetration_m > 0.0) && !(penetration_m > -reach_m_)) return;
   const Tissue& tissue = tissues_[touch.tissue];
   const Contact contact = acting_contact(touch, tissue.material, relaxed_m(touch, memory),
-                                         tissue.motion, tip_velocity_world_m_per_s, time_s);
+                                         tissue.motion, tool_velocity_world, time_s);
   add_contact(contact, sum);
 }
 
 SceneForce Scene::step(TissueMemory& memory, const Vector3& tip_position_world_m,
-                       const Vector3& tip_velocity_world_m_per_s, double time_s,
+                       const ToolVelocity& tool_velocity_world, double time_s,
                        const Vector3& shaft_to_handle) const noexcept {
   const ToolPose now{tip_position_world_m, shaft_to_handle, time_s};
   SceneForce sum;
@@ -223,7 +223,7 @@ SceneForce Scene::step(TissueMemory& memory, const Vector3& tip_position_world_m
     }
     settle(touch, moved_m, tissue.material, relaxed_m(touch, memory));
     // a touch without room acts in this step only
-    if (!memory.keep(touch)) add(touch, memory, tip_velocity_world_m_per_s, time_s, sum);
+    if (!memory.keep(touch)) add(touch, memory, tool_velocity_world, time_s, sum);
   });
   memory.end_step();
   counts.tissues_asleep =
@@ -232,14 +232,14 @@ SceneForce Scene::step(TissueMemory& memory, const Vector3& tip_position_world_m
 
   static_cast<SceneCounts&>(sum) = counts;
   for (const Touch& touch : memory.touches()) {
-    add(touch, memory, tip_velocity_world_m_per_s, time_s, sum);
+    add(touch, memory, tool_velocity_world, time_s, sum);
   }
   clear_unless_finite(sum);
   return sum;
 }
 
 SceneForce Scene::evaluate(const Vector3& tip_position_world_m,
-                           const Vector3& tip_velocity_world_m_per_s, double time_s,
+                           const ToolVelocity& tool_velocity_world, double time_s,
                            const TissueMemory& memory,
                            const Vector3& shaft_to_handle) const noexcept {
   const ToolPose now{tip_position_world_m, shaft_to_handle, time_s};
@@ -248,12 +248,12 @@ SceneForce Scene::evaluate(const Vector3& tip_position_world_m,
   if (memory.is_complete_at(now)) {
     counts = memory.counts();
     for (const Touch& touch : memory.touches()) {
-      add(touch, memory, tip_velocity_world_m_per_s, time_s, sum);
+      add(touch, memory, tool_velocity_world, time_s, sum);
     }
   } else {
     counts = visit_touches(now, memory, [&](Touch& touch, const Vector3& moved_m) {
       settle(touch, moved_m, tissues_[touch.tissue].material, relaxed_m(touch, memory));
-      add(touch, memory, tip_velocity_world_m_per_s, time_s, sum);
+      add(touch, memory, tool_velocity_world, time_s, sum);
     });
     counts.tissues_asleep =
         static_cast<std::uint32_t>(relaxation_times_s_.size() - memory.relaxation().awake_count());

@@ -45,12 +45,12 @@ class Scene {
   /// there. The proxies follow the tool (contact/proxy.h), relaxing tissue advances
   /// (relaxation.h), friction and puncture are updated (touch.h): all of this only dissipates
   /// energy.
-  /// @param tip_velocity_world_m_per_s  for the damping only
+  /// @param tool_velocity_world  for the damping only
   /// @param time_s           not before the last step's; determines where moving tissue is
   /// @param shaft_to_handle  unit, W
   /// @return @see evaluate
   SceneForce step(TissueMemory& memory, const Vector3& tip_position_world_m,
-                  const Vector3& tip_velocity_world_m_per_s, double time_s,
+                  const ToolVelocity& tool_velocity_world, double time_s,
                   const Vector3& shaft_to_handle = Vector3::UnitZ()) const noexcept;
 
   /// The force as if the tool moved from the memory's pose to this one in one step; the memory
@@ -62,12 +62,12 @@ class Scene {
   /// Any finite or non-finite input gives a finite result: if a number overflows, as for a tool
   /// teleported to 1e200 m, everything is zero as if nothing touched.
   [[nodiscard]] SceneForce evaluate(
-      const Vector3& tip_position_world_m, const Vector3& tip_velocity_world_m_per_s, double time_s,
+      const Vector3& tip_position_world_m, const ToolVelocity& tool_velocity_world, double time_s,
       const TissueMemory& memory, const Vector3& shaft_to_handle = Vector3::UnitZ()) const noexcept;
   /// The same at time 0, with tissue that has never been touched.
   [[nodiscard]] SceneForce evaluate(const Vector3& tip_position_world_m,
-                                    const Vector3& tip_velocity_world_m_per_s) const noexcept {
-    return evaluate(tip_position_world_m, tip_velocity_world_m_per_s, 0.0, TissueMemory{});
+                                    const ToolVelocity& tool_velocity_world) const noexcept {
+    return evaluate(tip_position_world_m, tool_velocity_world, 0.0, TissueMemory{});
   }
 
   /// Replaces k and b of a tissue, from the next step on. Not while another thread uses the scene;
@@ -100,9 +100,8 @@ class Scene {
   SceneCounts visit_touches(const ToolPose& now, const TissueMemory& memory,
                             const Take& take) const noexcept;
   [[nodiscard]] double relaxed_m(const Touch& touch, const TissueMemory& memory) const noexcept;
-  void add(const Touch& touch, const TissueMemory& memory,
-           const Vector3& tip_velocity_world_m_per_s, double time_s,
-           SceneForce& sum) const noexcept;
+  void add(const Touch& touch, const TissueMemory& memory, const ToolVelocity& tool_velocity_world,
+           double time_s, SceneForce& sum) const noexcept;
 
   ToolShape tool_;
   double reach_m_;

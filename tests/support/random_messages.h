@@ -144,6 +144,8 @@ inline void randomise(ToolMotion& m, Random& random) {
               .has_let_go = random.chance(0.5)};
   }
   m.wants_torque = random.chance(0.5);
+  m.tool_angular_velocity_world_rad_per_s =
+      m.wants_torque ? random_vector(random, 1000.0) : Vector3(Vector3::Zero());
 }
 
 inline Matrix3 random_matrix(Random& random, double limit) {
@@ -660,7 +662,9 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
          a.receipts.tile_slots == b.receipts.tile_slots &&
          a.receipts.tiles_per_message == b.receipts.tiles_per_message &&
          a.physics_term == b.physics_term && a.scene_time == b.scene_time && same(a.wave, b.wave) &&
-         a.wants_torque == b.wants_torque && a.grip.has_value() == b.grip.has_value() &&
+         a.wants_torque == b.wants_torque &&
+         same(a.tool_angular_velocity_world_rad_per_s, b.tool_angular_velocity_world_rad_per_s) &&
+         a.grip.has_value() == b.grip.has_value() &&
          (!a.grip || (a.grip->physics_session_id == b.grip->physics_session_id &&
                       a.grip->number == b.grip->number && same(a.grip->slip_m, b.grip->slip_m) &&
                       a.grip->has_let_go == b.grip->has_let_go));

@@ -959,6 +959,26 @@ page_test("with a task what experts read waits behind Details: by mouse and keyb
   await until_shown(page, "#session", /^mock\s*mofc guard$/);
 });
 
+page_test("the torque of a wrist is told and drawn, and nothing of it without one", {}, async (page) => {
+  await rest_tool_at(page, -0.004);
+  await until(page, (t) => t.applied_newton > 0.3, "a force");
+  for (const id of ["torque", "plot-torque"]) assert.equal(await page.locator(`#${id}`).isVisible(), false);
+  server.world.wrist_arm_m = 0.1;
+  await page.locator("#plot-torque").waitFor();
+  await until_text(page, "torque", /^0\.\d\d\d N·m torque$/);
+  const { applied_newton, applied_newton_m } = await until(page, (t) => t.plots.torque[0].newest > 0 && t.plots.torque[1].points > 5, "curves of torque");
+  assert.ok(Math.abs(applied_newton_m - 0.1 * applied_newton) < 1e-9);
+  assert.match(await page.locator("#plot-torque dd").first().innerText(), /^0\.\d\d\d N·m$/);
+  await page.locator("#plot-force").getByRole("radio", { name: "x" }).click(); // the force is along z, and turns about x
+  await until(page, (t) => t.plots.force[1].newest === 0 && t.plots.torque[1].newest > 0, "components");
+  await page.locator("#plot-force").getByRole("radio", { name: "z" }).click();
+  await until(page, (t) => t.plots.force[1].newest > 0 && t.plots.torque[1].newest === 0, "others");
+  assert.deepEqual(await violations(page), []);
+  server.world.wrist_arm_m = 0;
+  await page.locator("#torque").waitFor({ state: "hidden" });
+  await page.locator("#plot-force").getByRole("radio", { name: "|F|" }).click();
+});
+
 page_test("what experts read goes with the first word of a task, however seldom pictures are drawn", { page: { max_hz: 2 } }, async (page) => {
   await rest_tool_at(page, -0.004);
   await until_text(page, "state", /clamp/i);

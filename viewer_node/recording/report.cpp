@@ -57,6 +57,12 @@ std::string table(const Run& run) {
                  figure(100.0 * s.beyond_jnd_ratio(), "{:.1f} %") +
                  " of the time beyond the force JND"
            : "not recorded; palpate loopback SESSION --hand RECORDING --record NEW records one");
+  if (std::isfinite(s.maximum_torque_newton_m())) {
+    line("torque", "largest " + figure(s.maximum_torque_newton_m(), "{:.4f} N·m") +
+                       (std::isfinite(s.torque_transparency())
+                            ? ", rendered / ideal " + figure(s.torque_transparency(), "{:.3f}")
+                            : ""));
+  }
   line("velocity reversals",
        fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]) +
            (std::isfinite(s.path_deviation_rms_m())
@@ -171,6 +177,10 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
   } else {
     html += "<p>Drag over a figure to zoom in, double-click to zoom out.</p>\n";
     for (std::size_t i = 0; i < report_titles().size(); ++i) {
+      const bool is_empty = std::all_of(runs.begin(), runs.end(), [&](const Run& run) {
+        return run.report.figures[i]["series"].empty();
+      });
+      if (is_empty) continue;
       html += fmt::format("<section data-figure=\"{}\"><h2>{}</h2>\n", i,
                           html_escaped(report_titles()[i]));
       row([](const Run&) { return std::string("<div class=\"plot\"></div>"); });

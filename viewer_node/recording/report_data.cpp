@@ -33,6 +33,7 @@ struct Columns {
   std::array<std::vector<double>, 3> position_mm, requested_newton, applied_newton, ideal_newton;
   std::vector<double> requested_norm_newton, applied_norm_newton, ideal_norm_newton, f_max_newton;
   std::vector<double> ledger_millijoule, true_millijoule, transparency;
+  std::vector<double> requested_newton_m, applied_newton_m, ideal_newton_m;
   std::vector<double> reply_us, lateness_us, force_age_us;
   RequestComparison so_far;
   std::optional<std::uint64_t> session_id;
@@ -58,6 +59,9 @@ void Columns::add(const TickRow& row) {
   applied_norm_newton.push_back(device.force_on_hand_newton.norm());
   ideal_norm_newton.push_back(row.ideal_force_on_hand_newton.norm());
   f_max_newton.push_back(row.mofc ? row.mofc->f_max_newton.minCoeff() : kNaN);
+  requested_newton_m.push_back(row.mofc ? row.mofc->requested_wrist_torque_newton_m.norm() : kNaN);
+  applied_newton_m.push_back(device.wrist_torque_newton_m.norm());
+  ideal_newton_m.push_back(row.ideal_wrist_torque_newton_m.norm());
   ledger_millijoule.push_back(row.mofc ? 1e3 * row.mofc->ledger_energy_joule : kNaN);
   true_millijoule.push_back(1e3 * device.true_energy_joule);
   if (session_id && session_id != row.device_session_id) so_far.interrupt();
@@ -165,16 +169,15 @@ json durations_of(std::size_t index, Columns& c) {
 
 json figures_of(Columns& c) {
   const Reduction reduction(c.t_s);
-  const bool has_ideal = std::any_of(c.ideal_norm_newton.begin(), c.ideal_norm_newton.end(),
-                                     [](double newton) { return std::isfinite(newton); });
   json figures = json::array();
   const auto add = [&](const char* unit,
                        const std::vector<std::pair<Series, const std::vector<double>*>>& series) {
     json figure = figure_of(figures.size(), "time / s", unit);
     figure["data"].push_back(reduction.x());
     for (const auto& [what, values] : series) {
-      if (values->empty() || (!has_ideal && what.name == kIdeal.name)) continue;
-      add_series(figure, what, reduction.y(*values));
+      const bool is_known = std::any_of(values->begin(), values->end(),
+                                        [](double value) { return std::isfinite(value); });
+      if (is_known) add_series(figure, what, reduction.y(*values));
     }
     figures.push_back(std::move(figure));
   };
@@ -189,6 +192,9 @@ json figures_of(Columns& c) {
               {kRendered, &c.applied_newton[i]},
               {kIdeal, &c.ideal_newton[i]}});
   }
+  add("N·m", {{kRequested, &c.requested_newton_m},
+              {kRendered, &c.applied_newton_m},
+              {kIdeal, &c.ideal_newton_m}});
   add("N", {{{"f_max", "bound"}, &c.f_max_newton}});
   add("mJ",
       {{{"ledger", "ledger"}, &c.ledger_millijoule}, {{"true", "truth"}, &c.true_millijoule}});
@@ -240,6 +246,7 @@ const std::vector<std::string>& report_titles() {
       "Force on the hand, x",
       "Force on the hand, y",
       "Force on the hand, z",
+      "Torque on the joints of the wrist: before and after the clamp",
       "Bound of the clamp, smallest component",
       "Energy: the controller's ledger and, for a simulated device, the true energy",
       "Transparency so far: rendered against requested, projected and capped",

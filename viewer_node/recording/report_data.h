@@ -35,7 +35,8 @@ inline constexpr std::size_t kMostReportPoints = 8000;
 void read_report(RecordingFile& recording, ReportRun& report,
                  const std::function<void(double)>& on_progress);
 
-/// Titles of the figures that read_report() gives, in order.
+/// Titles of the figures that read_report() gives, in order; one without series has nothing to
+/// show.
 [[nodiscard]] const std::vector<std::string>& report_titles();
 
 }  // namespace palpate

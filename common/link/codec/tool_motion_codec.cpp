@@ -34,6 +34,10 @@ struct WireFormat<ToolMotion> {
       wire.mutable_grip()->set_has_let_go(m.grip->has_let_go);
     }
     if (m.wants_torque) wire.set_wants_torque(true);
+    if (!m.tool_angular_velocity_world_rad_per_s.isZero(0.0)) {
+      put(m.tool_angular_velocity_world_rad_per_s,
+          *wire.mutable_tool_angular_velocity_world_rad_per_s());
+    }
     if (m.receipts.store_id == 0) return;
     v1::SurfaceReceipts& receipts = *wire.mutable_receipts();
     receipts.set_store_id(m.receipts.store_id);
@@ -54,6 +58,9 @@ struct WireFormat<ToolMotion> {
     verdict.orientation(wire.has_tool_orientation_world(), wire.tool_orientation_world());
     verdict.vector(wire.has_tool_velocity_world_m_per_s(), wire.tool_velocity_world_m_per_s(),
                    kMaxVelocityMPerS);
+    if (wire.has_tool_angular_velocity_world_rad_per_s()) {
+      verdict.vector(true, wire.tool_angular_velocity_world_rad_per_s(), kMaxVelocityRadPerS);
+    }
     verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
     verdict.time(wire.scene_time_ns());
     if (wire.has_wave()) check_wave(wire.wave(), verdict);
@@ -96,6 +103,10 @@ struct WireFormat<ToolMotion> {
     if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());
     m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
     m.wants_torque = wire.wants_torque();
+    m.tool_angular_velocity_world_rad_per_s =
+        wire.has_tool_angular_velocity_world_rad_per_s()
+            ? vector(wire.tool_angular_velocity_world_rad_per_s())
+            : Vector3(Vector3::Zero());
     m.grip.reset();
     if (wire.has_grip()) {
       m.grip = {.physics_session_id = wire.grip().physics_session_id(),

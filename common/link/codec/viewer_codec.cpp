@@ -250,6 +250,12 @@ std::string encode_telemetry(std::uint64_t at_ns, const DeviceTick& device,
   wire.set_state(static_cast<v1::Telemetry::State>(m.state));
   wire.set_is_in_contact(m.is_in_contact);
   wire.set_is_clamped(m.is_clamped);
+  if (device.has_wrist()) {
+    put(m.requested_wrist_torque_newton_m, *wire.mutable_requested_wrist_torque_newton_m());
+    put(device.wrist_torque_newton_m, *wire.mutable_wrist_torque_newton_m());
+    wire.set_requested_newton_m(m.requested_wrist_torque_newton_m.norm());
+    wire.set_applied_newton_m(device.wrist_torque_newton_m.norm());
+  }
   return wire.SerializeAsString();
 }
 

@@ -20,6 +20,7 @@ namespace wire {
 // Limits of the .proto comments that several hops share.
 inline constexpr double kMaxPositionM = 1e3;
 inline constexpr double kMaxVelocityMPerS = 1e3;
+inline constexpr double kMaxVelocityRadPerS = 1e3;
 inline constexpr double kUnitTolerance = 1e-6;
 /// 73 years: the difference of two time stamps within this range does not overflow.
 inline constexpr std::int64_t kMaxTimeNs = std::int64_t{1} << 61;

@@ -109,6 +109,76 @@ TEST(Torque, OfFrictionUnderTheTipIsItTimesTheHeightOfTheTip) {
   EXPECT_NEAR(touch.torque_on_tool_newton_m.y(), 0.5 * 0.003, 1.5e-5);
 }
 
+// A shaft that turns about a point between its tip and a viscous bar: the tip goes one way and the
+// shaft in the bar the other.
+struct Swing {
+  double newton_per_rad_s = 0.0;  // of the damping, at the greatest speed
+  double work_joule = 0.0;        // of the tissue on the tool, per swing
+};
+Swing swing_through_a_viscous_bar(bool is_turning_known) {
+  constexpr double kDamping_newton_s_per_m = 5.0;
+  constexpr double kFrequency_hz = 1.0;
+  constexpr double kTilt_rad = 0.05;
+  constexpr double kPivot_m = 0.05;  // from the tip
+  constexpr double kStep_s = 1e-3;
+  const Vector3 bar_m(0.0, 0.0, 0.1);
+  SceneConfig config;
+  config.tip_radius_m = 0.002;
+  config.shaft_length_m = 0.12;
+  config.shaft_radius_m = 0.002;
+  config.tissues = {
+      {.name = "bar",
+       .geometry = CapsuleGeometry{.from_m = bar_m - 0.1 * Vector3::UnitY(),
+                                   .to_m = bar_m + 0.1 * Vector3::UnitY(),
+                                   .radius_m = 0.01},
+       .material = KelvinVoigtMaterial{.stiffness_newton_per_m = 300.0,
+                                       .damping_newton_s_per_m = kDamping_newton_s_per_m,
+                                       .is_adhesive = true}}};
+  const physics::Scene scene(config);
+  physics::TissueMemory memory = scene.new_memory();
+  const double turn_per_s = 2.0 * M_PI * kFrequency_hz;
+  Swing swing;
+  // from the side of the bar, 6 mm beside its middle
+  for (int step = 0; step <= 3000; ++step) {
+    const double t_s = kStep_s * step;
+    const double tilt_rad = kTilt_rad * std::sin(turn_per_s * t_s);
+    const double rad_per_s = kTilt_rad * turn_per_s * std::cos(turn_per_s * t_s);
+    const Vector3 shaft(std::sin(tilt_rad), 0.0, std::cos(tilt_rad));
+    const Vector3 angular(0.0, rad_per_s, 0.0);
+    const Vector3 tip_m = Vector3(-0.006, 0.0, kPivot_m) - kPivot_m * shaft;
+    const Vector3 tip_m_per_s = -kPivot_m * angular.cross(shaft);
+    const auto force = [&](const ToolVelocity& velocity) {
+      return scene.evaluate(tip_m, velocity, t_s, memory, shaft).force_on_tool_newton;
+    };
+    const physics::SceneForce touch = scene.step(
+        memory, tip_m,
+        is_turning_known ? ToolVelocity(tip_m_per_s, angular) : ToolVelocity(tip_m_per_s), t_s,
+        shaft);
+    if (step == 2000) {
+      const double damped = (force({tip_m_per_s, angular}) - force(Vector3::Zero())).norm();
+      swing.newton_per_rad_s = damped / rad_per_s / kDamping_newton_s_per_m;
+    }
+    if (step > 1000) {  // two swings
+      swing.work_joule += 0.5 * kStep_s *
+                          (touch.force_on_tool_newton.dot(tip_m_per_s) +
+                           touch.torque_on_tool_newton_m.dot(angular));
+    }
+  }
+  return swing;
+}
+
+// b times the speed of the shaft where it touches, about s − pivot from where it turns.
+TEST(Torque, OfViscousTissueSeesHowFastTheShaftMovesInIt) {
+  const Swing seen = swing_through_a_viscous_bar(true);
+  EXPECT_NEAR(seen.newton_per_rad_s, 0.1 - 0.05, 0.03 * 0.05);
+  // ∫ b v² over a swing, v along the shaft's motion: it is pressed for all of it
+  const double v_m_per_s = 0.05 * 0.05 * 2.0 * M_PI;
+  EXPECT_NEAR(seen.work_joule, -0.5 * 5.0 * v_m_per_s * v_m_per_s,
+              0.1 * 0.5 * 5.0 * v_m_per_s * v_m_per_s);
+  // with the tip's velocity alone the tissue would drive the tool
+  EXPECT_GT(swing_through_a_viscous_bar(false).work_joule, 1e-4);
+}
+
 struct Felt {
   double force;
   double torque;

@@ -278,7 +278,8 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
             path == "contacts.held_m" || path == "surface" || path == "surface.description" ||
             path == "surface.coverages.to_m" || path == "counters.standby_interaction" ||
             path == "wave" || path == "acted" || path == "elastic_receipts" || path == "elastic" ||
-            path == "grip" || path == "contacts.arm_m" || path == "torque_on_tool_newton_m" ||
+            path == "tool_angular_velocity_world_rad_per_s" || path == "grip" ||
+            path == "contacts.arm_m" || path == "torque_on_tool_newton_m" ||
             path == "applied.wrist_torque_on_hand_newton_m" ||
             path == "wrist_torque_on_hand_newton_m" || path == "contacts.grip" ||
             path == "contacts.grip.needle" || path == "contacts.grip.needle.edge_world" ||

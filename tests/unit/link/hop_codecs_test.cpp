@@ -633,6 +633,13 @@ TEST(WristOnTheWire, RangesAreThoseOfTheContract) {
   bad([](auto& w) { w.mutable_applied(0)->mutable_wrist_torque_on_hand_newton_m()->set_x(101.0); });
   expect_range<ForceCommand>(
       [](auto& w) { w.mutable_wrist_torque_on_hand_newton_m()->set_x(100.1); }, false);
+  const auto turning = [](double rad_per_s, bool is_accepted) {
+    expect_range<ToolMotion>(
+        [&](auto& w) { w.mutable_tool_angular_velocity_world_rad_per_s()->set_y(rad_per_s); },
+        is_accepted);
+  };
+  turning(-1000.0, true);
+  turning(1000.1, false);
   expect_range<Interaction>([](auto& w) { w.mutable_contacts(0)->mutable_arm_m()->set_x(1000.1); },
                             false);
   expect_range<Interaction>([](auto& w) { w.mutable_torque_on_tool_newton_m()->set_x(10000.1); },

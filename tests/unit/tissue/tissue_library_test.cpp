@@ -244,6 +244,29 @@ TEST(TissueLibrary, TellsWhereAndHowWell) {
 }
 
 // Real-time programs may call it.
+// A shaft that leans on a round bar and turns about the tip moves in it as fast as it turns times
+// how far away that is: 5 N·s/m · 0.2 rad/s · 50 mm.
+TEST(TissueLibrary, ViscousTissueResistsAShaftThatTurns) {
+  Batch batch(Scene::parse(R"(scene {
+    tool { tip_radius_m: 0.002 shaft_length_m: 0.1 shaft_radius_m: 0.002 }
+    tissue { name: "bar" capsule { from_m { x: 0.011 y: -0.1 z: 0.05 } to_m { x: 0.011 y: 0.1 z: 0.05 } radius_m: 0.01 }
+             kelvin_voigt { stiffness_newton_per_m: 400 damping_newton_s_per_m: 5 } }
+  })"));
+  const auto newton_at = [&](double rad) {
+    batch.tool() = tool_at(0.0, 0.0, 0.0);
+    batch.tool().orientation_wxyz[0] = std::cos(0.5 * rad);
+    batch.tool().orientation_wxyz[2] = std::sin(0.5 * rad);
+    batch.step(kTick_s);
+    return newton(batch.force());
+  };
+  const double at_rest = newton_at(0.0);
+  newton_at(-0.0002);
+  const double turning = newton_at(0.0);  // towards the bar
+  EXPECT_NEAR(at_rest, 0.4, 1e-3);
+  EXPECT_NEAR(turning - at_rest, 5.0 * 0.2 * 0.05, 5e-4);
+  EXPECT_NEAR(newton_at(0.0), at_rest, 1e-9);
+}
+
 TEST(TissueLibrary, AStepOnTissueThatIsNotElasticAllocatesNothing) {
   Batch batch(remembering_scene(), 4, 1, 1);
   run(batch, 4, 0, 0, 10);

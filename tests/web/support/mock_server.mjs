@@ -115,6 +115,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     is_elastic: false, // both tissues are elastic: without k, with a stiffness per vertex
     ignores_changes: false, // no answer to them
     has_strain: false, // the block is an elastic body
+    wrist_arm_m: 0, // a device with a wrist gives the torque of its force at this arm; 0: it has none
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
     grip: 0, // GripState
@@ -262,6 +263,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       device: with_device ? header("device") : null, mofc: with_device && with_mofc ? header("mofc") : null, physics: with_physics ? header("physics") : null,
     };
     const is_to_be_sent = (name, side) => headers[name] && !world.gone.includes(`${side}.${name}`) && is_subscribed(topic_of(side, name));
+    const torques = (forces) => (world.wrist_arm_m === 0 ? [] : forces.map((_, i) => (i % 3 === 0 ? world.wrist_arm_m * forces[i + 2] : 0)));
     for (const [index, side] of (sides.length > 0 ? sides : [""]).entries()) {
       const shifted = (places) => (index === 0 ? places : places.map((x, i) => (i % 3 === 0 ? x + kBeside_m * index : x)));
       if (is_to_be_sent("device", side)) send_all(topic_of(side, "device"), encode("palpate.v1.DeviceTelemetry", {
@@ -270,6 +272,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
         sequence: device.seq, sampledAtNs: device.at, switchedAtNs: device.at, latenessNs: device.late, replyTimeNs: device.reply,
         measuredHandPositionM: device.hand, measuredToolPositionWorldM: shifted(device.tool), forceOnHandNewton: device.force, guard: device.guard, flags: device.flags,
         measuredToolOrientationWorld: world.orientation ? Array(rows).fill(world.orientation).flat() : [],
+        wristTorqueOnHandNewtonM: torques(device.force),
         trueToolPositionWorldM: device.tool, trueToolVelocityWorldMPerS: device.tool, trueEnergyJoule: device.energy, minimumTrueEnergyJoule: device.energy,
       }));
       if (is_to_be_sent("mofc", side)) send_all(topic_of(side, "mofc"), encode("palpate.v1.MofcTelemetry", {
@@ -279,7 +282,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
           transparencyIntegralNs: transparency_integral_ns, transparencyTimeNs: transparency_time_ns,
         },
         deviceSessionId: mofc.session, deviceSequence: mofc.seq, deviceSampledAtNs: mofc.at, requestedForceOnHandNewton: mofc.asked,
-        commandedForceOnHandNewton: mofc.commanded, fMaxNewton: mofc.bound, ledgerEnergyJoule: mofc.ledger, forceAgeNs: mofc.age, state: mofc.state, flags: mofc.flags,
+        requestedWristTorqueNewtonM: torques(mofc.asked), commandedForceOnHandNewton: mofc.commanded, fMaxNewton: mofc.bound, ledgerEnergyJoule: mofc.ledger, forceAgeNs: mofc.age, state: mofc.state, flags: mofc.flags,
       }));
       if (is_to_be_sent("physics", side)) send_all(topic_of(side, "physics"), encode("palpate.v1.PhysicsTelemetry", {
         header: headers.physics, counters: { loop: loop(), toolMotion: counters({ skipped: 12n }), worstComputeTimeNs: 90000n },

@@ -499,6 +499,7 @@ function picture(): void {
   was_fresh = fresh;
   if (now_s >= plots_due_s) {
     plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // on a slow machine the 3-D view has priority
+    plots.torque.show(telemetry.applied_newton_m !== null);
     if (!details.are_closed) for (const plot of plots.all) plot.draw(display);
     plot_draws += 1;
   }
@@ -583,7 +584,7 @@ Object.defineProperty(window, "__test", {
       shown_side: sides.shown,
       now_s: telemetry.now_s, device_ticks: telemetry.device.length, mofc_ticks: telemetry.mofc.length,
       plots: {
-        force: plots.force.status, energy: plots.energy.status, transparency: plots.transparency.status,
+        force: plots.force.status, torque: plots.torque.status, energy: plots.energy.status, transparency: plots.transparency.status,
         timing: plots.timing.status, lateness_total: plots.lateness.total,
         loop: { points: plots.loop.points, ...plots.loop.most },
       },
@@ -591,6 +592,7 @@ Object.defineProperty(window, "__test", {
       contact: { depth_m: telemetry.depth_m, speed_m_per_s: telemetry.speed_m_per_s, stiffness_newton_per_m: telemetry.stiffness_newton_per_m },
       events: timeline.events.map(({ at_s, lane, node, text }) => ({ at_s, lane, node, text })),
       tool_m: { ...telemetry.tool_m }, tool_px: view.project(telemetry.tool_m), fixed_px: view.project({ x: 0.03, y: 0.03, z: 0 }), target_m: { ...hand.target },
+      applied_newton_m: telemetry.applied_newton_m && norm(telemetry.applied_newton_m),
       applied_newton: norm(telemetry.applied_newton), requested_newton: norm(telemetry.requested_newton),
       replay: run.replay && { ...run.replay, beginNs: Number(run.replay.beginNs) }, recorder: telemetry.health?.recorder,
       hand: { ...hand.status, sent: hand.sent_count, client_id: Number(hand.client_id) },

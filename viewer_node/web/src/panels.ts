@@ -145,6 +145,9 @@ export function write_state(telemetry: Telemetry, is_connected: boolean, has_end
   const { requested, applied } = forces_of(telemetry, is_connected, now_s);
   write(by_id("force-applied"), applied ? norm(applied).toFixed(2) : "–");
   write(by_id("force-requested"), requested ? norm(requested).toFixed(2) : "–");
+  const newton_m = telemetry.applied_newton_m; // null: no wrist
+  by_id("torque").hidden = newton_m === null;
+  write(by_id("torque-applied"), newton_m && applied ? norm(newton_m).toFixed(3) : "–");
 }
 
 const kViewKeys = "Arrow keys rotate it, plus and minus zoom, Home shows everything."; // as in index.html

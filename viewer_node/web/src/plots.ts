@@ -8,7 +8,7 @@ import { cell_times, cells_of, reduce } from "./ring";
 import { time_words } from "./state";
 import {
   kRequestedNorm, kRequestedX, kBoundNorm, kBoundX, kForceAge, kForceNorm, kForceX, kLatenessBins, kLedger, kReplyTime,
-  kTransparency, kTrueEnergy, upper_border_s, type Instant,
+  kRequestedTorqueNorm, kRequestedTorqueX, kTorqueNorm, kTorqueX, kTransparency, kTrueEnergy, upper_border_s, type Instant,
 } from "./telemetry";
 
 /** Curves between samples further apart than this have a gap. */
@@ -58,6 +58,13 @@ export class TimePlot {
     this.data = [[], ...spec.series.map(() => [])];
   }
 
+  /** Whether there is anything to show. */
+  show(is_shown: boolean): void {
+    if (is_shown !== this.card.element.hidden) return;
+    this.card.element.hidden = !is_shown;
+    this.resize();
+  }
+
   /** Shows other columns under the same labels. */
   set_columns(columns: number[], range: PlotSpec["range"]): void {
     this.spec = { ...this.spec, range, series: this.spec.series.map((one, i) => ({ ...one, column: columns[i] })) };
@@ -98,7 +105,7 @@ export class TimePlot {
 
   draw(view: View): void {
     const { plot, spec, data } = this;
-    if (!plot) return;
+    if (!plot || this.card.element.hidden) return;
     const { telemetry, end_s, window_s } = this.view = view;
     const cells = cells_of(end_s, window_s, Math.min(kMostCells, Math.ceil(kPointsPerPixel * plot.width)));
     this.window_start = -window_s;
@@ -283,6 +290,7 @@ export type ForceAxis = "norm" | "x" | "y" | "z";
 
 export class Plots {
   readonly force: TimePlot;
+  readonly torque: TimePlot; // of a wrist
   readonly energy: TimePlot;
   readonly transparency: TimePlot;
   readonly timing: TimePlot;
@@ -301,6 +309,17 @@ export class Plots {
       ],
       range: from_zero(0.5), show: newton,
     }, force_axis);
+    const newton_m = (value: number) => `${value.toFixed(3)} N·m`;
+    this.torque = new TimePlot(parent, {
+      id: "torque", title: "Torque on the hand", unit: "N·m",
+      help: "Torque of the wrist’s joints: requested before the clamp, and rendered on the hand.",
+      series: [
+        { label: "requested", colour: "--requested", ring: "mofc", column: kRequestedTorqueNorm, scale: 1 },
+        { label: "on the hand", colour: "--applied", ring: "device", column: kTorqueNorm, scale: 1 },
+      ],
+      range: from_zero(0.02), show: newton_m,
+    });
+    this.torque.show(false);
     this.loop = new Loop(parent);
     const millijoule = (value: number) => `${Math.abs(value) < 9.95 ? value.toFixed(2) : value.toFixed(1)} mJ`;
     this.energy = new TimePlot(parent, {
@@ -333,18 +352,20 @@ export class Plots {
   }
 
   get timed(): TimePlot[] {
-    return [this.force, this.energy, this.transparency, this.timing];
+    return [this.force, this.torque, this.energy, this.transparency, this.timing];
   }
   get all(): (TimePlot | Histogram | Loop)[] {
-    return [this.force, this.loop, this.energy, this.transparency, this.timing, this.lateness];
+    return [this.force, this.torque, this.loop, this.energy, this.transparency, this.timing, this.lateness];
   }
 
   set_force_axis(axis: ForceAxis): void {
     if (axis === "norm") {
       this.force.set_columns([kRequestedNorm, kForceNorm, kBoundNorm], from_zero(0.5));
+      this.torque.set_columns([kRequestedTorqueNorm, kTorqueNorm], from_zero(0.02));
     } else {
       const offset = "xyz".indexOf(axis);
       this.force.set_columns([kRequestedX + offset, kForceX + offset, kBoundX + offset], around_zero(0.5));
+      this.torque.set_columns([kRequestedTorqueX + offset, kTorqueX + offset], around_zero(0.02));
     }
   }
 }

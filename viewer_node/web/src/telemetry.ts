@@ -33,12 +33,13 @@ const kWordsHold_s = 0.25;
 export const kNodes = ["device", "mofc", "physics"] as const;
 export type NodeName = (typeof kNodes)[number];
 
-// columns of the device's ring: force on the hand, rendered
-export const kForceX = 0, kForceNorm = 3, kTrueEnergy = 4, kLateness = 5, kReplyTime = 6;
-const kDeviceColumns = 7;
-// of mofc's: requested force, before the clamp; its bound
-export const kRequestedX = 0, kRequestedNorm = 3, kBoundX = 4, kBoundNorm = 7, kLedger = 8, kForceAge = 9;
-const kMofcColumns = 10;
+// columns of the device's ring: force and torque on the hand, rendered
+export const kForceX = 0, kForceNorm = 3, kTrueEnergy = 4, kLateness = 5, kReplyTime = 6, kTorqueX = 7, kTorqueNorm = 10;
+const kDeviceColumns = 11;
+// of mofc's: requested force, before the clamp; its bound; requested torque
+export const kRequestedX = 0, kRequestedNorm = 3, kBoundX = 4, kBoundNorm = 7, kLedger = 8, kForceAge = 9,
+  kRequestedTorqueX = 10, kRequestedTorqueNorm = 13;
+const kMofcColumns = 14;
 // of the batches: running sums, and their ratio over the last second
 const kTransparencyIntegral = 0, kTransparencyTime = 1;
 export const kTransparency = 2;
@@ -142,6 +143,8 @@ export class Telemetry {
   readonly tool_orientation: Quaternion = { w: 1, x: 0, y: 0, z: 0 }; // W from T, likewise
   readonly applied_newton: Vector3 = { x: 0, y: 0, z: 0 }; // on the hand
   readonly requested_newton: Vector3 = { x: 0, y: 0, z: 0 };
+  /** On the hand, per joint of the wrist; null: the device has none. */
+  applied_newton_m: Vector3 | null = null;
   /** Of the tool, W; NaN while unknown. */
   speed_m_per_s = NaN;
   /** Of the deepest contact; 0 without one, NaN if physics does not tell. */
@@ -195,6 +198,8 @@ export class Telemetry {
       [batch.measuredHandPositionM, batch.measuredToolPositionWorldM, batch.forceOnHandNewton]));
     const orientations = batch.measuredToolOrientationWorld;
     require_columns(orientations.length === 0 || orientations.length === 4 * rows);
+    const torques = batch.wristTorqueOnHandNewtonM ?? [];
+    require_columns(torques.length === 0 || torques.length === 3 * rows);
     this.nodes.device.note(batch.header, batch.recordsLost, batch.counters.loop.ticks, now_s);
     this.device_batch = batch;
     if (batch.header.sessionId !== this.device_session) {
@@ -206,6 +211,7 @@ export class Telemetry {
       const t_s = this.seconds(batch.sampledAtNs[i]);
       if (!ring.append(t_s)) continue;
       put_vector(ring, kForceX, batch.forceOnHandNewton, i);
+      if (torques.length > 0) put_vector(ring, kTorqueX, torques, i);
       ring.set(kTrueEnergy, batch.trueEnergyJoule[i]);
       ring.set(kLateness, 1e-9 * Number(batch.latenessNs[i]));
       if (batch.flags[i] & kDeviceAnswered) ring.set(kReplyTime, 1e-9 * Number(batch.replyTimeNs[i]));
@@ -217,6 +223,7 @@ export class Telemetry {
     copy_vector(batch.measuredHandPositionM, rows - 1, this.hand_m);
     copy_vector(batch.measuredToolPositionWorldM, rows - 1, this.tool_m);
     copy_vector(batch.forceOnHandNewton, rows - 1, this.applied_newton);
+    this.applied_newton_m = torques.length > 0 ? copy_vector(torques, rows - 1, { x: 0, y: 0, z: 0 }) : null;
     this.measure_speed(ring.newest_s);
     const [w, x, y, z] = orientations.length > 0 ? orientations.slice(-4) : [1, 0, 0, 0];
     Object.assign(this.tool_orientation, { w, x, y, z });
@@ -227,6 +234,8 @@ export class Telemetry {
     require_columns(columns_agree(rows,
       [batch.deviceSessionId, batch.ledgerEnergyJoule, batch.forceAgeNs, batch.state, batch.flags],
       [batch.requestedForceOnHandNewton, batch.commandedForceOnHandNewton, batch.fMaxNewton]));
+    const torques = batch.requestedWristTorqueNewtonM ?? [];
+    require_columns(torques.length === 0 || torques.length === 3 * rows);
     if (this.nodes.mofc.note(batch.header, batch.recordsLost, batch.counters.ticks, now_s)) {
       this.batches.clear();
     }
@@ -239,6 +248,7 @@ export class Telemetry {
       if (!ring.append(t_s)) continue;
       last = i;
       put_vector(ring, kRequestedX, batch.requestedForceOnHandNewton, i);
+      if (torques.length > 0) put_vector(ring, kRequestedTorqueX, torques, i);
       put_bound(ring, batch.fMaxNewton, i);
       if (!(ring.value(kBoundNorm, ring.length - 1) < 0.5 * ring.value(kRequestedNorm, ring.length - 1))) this.rendered_s = t_s;
       ring.set(kLedger, batch.ledgerEnergyJoule[i]);
@@ -397,10 +407,11 @@ function require_columns(do_agree: boolean): void {
   if (!do_agree) throw new Error("telemetry columns differ in length");
 }
 
-function copy_vector(column: number[], row: number, out: Vector3): void {
+function copy_vector(column: number[], row: number, out: Vector3): Vector3 {
   out.x = column[3 * row];
   out.y = column[3 * row + 1];
   out.z = column[3 * row + 2];
+  return out;
 }
 
 function put_vector(ring: Ring, first_column: number, column: number[], row: number): void {

@@ -63,6 +63,7 @@ export interface DeviceTelemetry {
   measuredToolPositionWorldM: number[];
   measuredToolOrientationWorld: number[]; // w, x, y, z of each tick; empty: never turned
   forceOnHandNewton: number[];
+  wristTorqueOnHandNewtonM?: number[]; // three joints of each tick; missing or empty: no wrist
   guard: number[];
   flags: number[];
   trueEnergyJoule: number[];
@@ -87,6 +88,7 @@ export interface MofcTelemetry {
   deviceSessionId: bigint[];
   deviceSampledAtNs: bigint[];
   requestedForceOnHandNewton: number[];
+  requestedWristTorqueNewtonM?: number[]; // likewise
   commandedForceOnHandNewton: number[];
   fMaxNewton: number[];
   ledgerEnergyJoule: number[];
