@@ -49,6 +49,17 @@ double largest_force_newton(const DeviceConfig& config,
                         config.profile.coulomb_newton / specification.held_force_ratio);
 }
 
+DeviceConfig with_torque_limit(DeviceConfig config, const DeviceSpecification& specification) {
+  const bool may_exceed_friction =
+      specification.is_simulated ||
+      (specification.has_motor_watchdog && config.accepts_unchecked_torque);
+  if (config.wrist && !may_exceed_friction) {
+    config.wrist->peak_torque_newton_m =
+        std::min(config.wrist->peak_torque_newton_m, config.wrist->coulomb_newton_m);
+  }
+  return config;
+}
+
 std::optional<FrictionLimit> friction_limit(const DeviceConfig& config,
                                             const DeviceSpecification& specification,
                                             const std::string& driver) {

@@ -19,7 +19,7 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
                        Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
                        TickSink<DeviceTick>& ticks_out, std::uint64_t session_id,
                        ReadingObserver* observer, Journal* journal)
-    : config_(config),
+    : config_(with_torque_limit(config, device.specification())),
       device_(device),
       clock_(clock),
       state_out_(state_out),
@@ -29,7 +29,7 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       observer_(observer),
       journal_(journal),
       workspace_(config.workspace),
-      guard_(config, largest_force_newton(config, device.specification()),
+      guard_(config_, largest_force_newton(config, device.specification()),
              device.specification().has_motor_watchdog),
       monitor_(ForceMonitor(config,
                             {.are_by_themselves = device.specification().has_motor_watchdog,
@@ -39,7 +39,7 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
                                                   ? device.specification().turning_per_m
                                                   : 0.0}),  // no force then
                journal,
-               config.wrist ? std::optional(ForceMonitor(wrist_as_axes(config))) : std::nullopt),
+               config_.wrist ? std::optional(ForceMonitor(wrist_as_axes(config_))) : std::nullopt),
       watch_(config, device.specification().bounded_reach_m()),
       frozen_(config),
       measured_(config),

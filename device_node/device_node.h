@@ -62,6 +62,11 @@ namespace palpate::device {
 [[nodiscard]] double largest_force_newton(const DeviceConfig& config,
                                           const DeviceSpecification& specification) noexcept;
 
+/// The same with the largest torque that session and device allow: at most f_co of each joint whose
+/// motors end none by themselves, or which no check has pushed unless the session accepts that.
+[[nodiscard]] DeviceConfig with_torque_limit(DeviceConfig config,
+                                             const DeviceSpecification& specification);
+
 /// What holds the force of motors that end none by themselves to the friction.
 struct FrictionLimit {
   double newton = 0.0;             ///< at most, by the session's peak force too

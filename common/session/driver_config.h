@@ -101,8 +101,9 @@ struct WoodenConfig {
 
 /// A driver in a shared library: device_node/drivers/plugin/palpate_device.h.
 struct PluginConfig {
-  std::string library;  ///< absolute
-  std::string options;  ///< passed to its open()
+  std::string library;      ///< absolute
+  std::string options;      ///< passed to its open()
+  bool uses_wrist = false;  ///< device.wrist is that of the library
 };
 
 /// monostate: the simulated device.

@@ -78,7 +78,8 @@ class DeviceNodeBench {
                .force_on_hand_newton = force_newton,
                .valid_for = valid_for,
                .begins_within = begins_within,
-               .counted_energy_joule = ledger_joule};
+               .counted_energy_joule = ledger_joule,
+               .wrist_torque_newton_m = wrist_torque_newton_m};
     due_ = clock.now() + reply_delay;
     is_pending_ = true;
     deliver();
@@ -125,6 +126,7 @@ class DeviceNodeBench {
   Duration begins_within{};
   /// That comes with each answer; NaN: none.
   double ledger_joule = std::numeric_limits<double>::quiet_NaN();
+  Vector3 wrist_torque_newton_m = Vector3::Zero();  ///< of each answer
   Duration stall_in_wait{};  ///< > 0: the process is stopped for so long in its next wait
 
  private:

@@ -2,7 +2,8 @@
 /* A driver in a shared library, in C: a device that is pushed about by its own force only. Build it
  * with `cc -shared -fPIC -o example_device.so example_device.c`, name it in the session:
  * device { plugin { library: "example_device.so" } }. See palpate_device.h. With options:
- * "no watchdog" its motors go on until they are told, as those of most boards do. */
+ * "no watchdog" its motors go on until they are told, as those of most boards do. Its handle turns
+ * about fixed axes, pushed by their torque only: device { wrist {} }. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,11 +14,13 @@
 struct palpate_device {
   const palpate_device_host* host;
   double position_m[3], force_newton[3];
+  double angle_rad[3], torque_newton_m[3], next_newton_m[3]; /* of the wrist */
   int64_t moved_until_ns, lease_end_ns;
   int has_watchdog;
 };
 
 static const double kPeakNewton = 3.0, kNewtonSecondPerMetre = 20.0;
+static const double kPeakNewtonMetre = 0.1, kNewtonMetreSecond = 0.05;
 
 static void move(palpate_device* d) {
   const int64_t now = d->host->clock_ns(d->host->context);
@@ -27,8 +30,10 @@ static void move(palpate_device* d) {
     if (end > d->moved_until_ns) {
       d->position_m[i] +=
           d->force_newton[i] / kNewtonSecondPerMetre * 1e-9 * (double)(end - d->moved_until_ns);
+      d->angle_rad[i] +=
+          d->torque_newton_m[i] / kNewtonMetreSecond * 1e-9 * (double)(end - d->moved_until_ns);
     }
-    if (now >= d->lease_end_ns) d->force_newton[i] = 0.0;
+    if (now >= d->lease_end_ns) d->force_newton[i] = d->torque_newton_m[i] = 0.0;
   }
   d->moved_until_ns = now;
 }
@@ -43,6 +48,11 @@ static void fill(const palpate_device* d, palpate_device_reading* out) {
   /* a real one takes this from its current sensors; an older Palpate does not know the member */
   if (PALPATE_DEVICE_KNOWS(palpate_device_reading, out, measured_force_newton)) {
     memcpy(out->measured_force_newton, d->force_newton, sizeof(d->force_newton));
+  }
+  if (PALPATE_DEVICE_KNOWS(palpate_device_reading, out, wrist_torque_newton_m)) {
+    memcpy(out->wrist_angle_rad, d->angle_rad, sizeof(d->angle_rad));
+    memcpy(out->wrist_torque_newton_m, d->torque_newton_m, sizeof(d->torque_newton_m));
+    for (int i = 0; i < 3; ++i) out->wrist_axes[i][i] = 1.0;
   }
 }
 
@@ -67,6 +77,10 @@ static void specify(const palpate_device* d, palpate_device_specification* out) 
   for (int i = 0; i < 3; ++i) out->workspace_half_extent_m[i] = 0.1;
   out->peak_force_newton = out->continuous_force_newton = kPeakNewton;
   out->flags = (d->has_watchdog ? PALPATE_DEVICE_HAS_WATCHDOG : 0) | PALPATE_DEVICE_MEASURES_FORCE;
+  if (PALPATE_DEVICE_KNOWS(palpate_device_specification, out, peak_torque_newton_m)) {
+    out->flags |= PALPATE_DEVICE_HAS_WRIST;
+    for (int i = 0; i < 3; ++i) out->peak_torque_newton_m[i] = kPeakNewtonMetre;
+  }
 }
 
 static int read_device(palpate_device* d, palpate_device_reading* out) {
@@ -78,7 +92,11 @@ static int read_device(palpate_device* d, palpate_device_reading* out) {
 static int apply_force(palpate_device* d, const double force_newton[3], int64_t lease_ns,
                        palpate_device_reading* at_switch) {
   move(d);
-  for (int i = 0; i < 3; ++i) d->force_newton[i] = lease_ns > 0 ? force_newton[i] : 0.0;
+  for (int i = 0; i < 3; ++i) {
+    d->force_newton[i] = lease_ns > 0 ? force_newton[i] : 0.0;
+    d->torque_newton_m[i] = lease_ns > 0 ? d->next_newton_m[i] : 0.0;
+    d->next_newton_m[i] = 0.0;
+  }
   d->lease_end_ns = d->moved_until_ns + (lease_ns > 0 ? lease_ns : 0);
   fill(d, at_switch);
   return PALPATE_DEVICE_OK;
@@ -87,6 +105,11 @@ static int apply_force(palpate_device* d, const double force_newton[3], int64_t 
 static void release_device(palpate_device* d) {
   move(d);
   memset(d->force_newton, 0, sizeof(d->force_newton));
+  memset(d->torque_newton_m, 0, sizeof(d->torque_newton_m));
+}
+
+static void set_wrist_torque(palpate_device* d, const double torque_newton_m[3]) {
+  memcpy(d->next_newton_m, torque_newton_m, sizeof(d->next_newton_m));
 }
 
 const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
@@ -99,6 +122,7 @@ const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
                                                 apply_force,
                                                 release_device,
                                                 NULL,
-                                                NULL};
+                                                NULL,
+                                                set_wrist_torque};
   return abi == PALPATE_DEVICE_ABI ? &kDriver : NULL;
 }

@@ -58,13 +58,16 @@ enum palpate_device_flags {
   PALPATE_DEVICE_HAS_LATCH = 1u << 1,
   /** Current or torque sensors tell what the motors do: every reading has measured_force_newton.
    * Forces that are not those applied are a fault. */
-  PALPATE_DEVICE_MEASURES_FORCE = 1u << 2
+  PALPATE_DEVICE_MEASURES_FORCE = 1u << 2,
+  /** The handle turns about the hand's point in three joints with motors: every reading has
+   * wrist_angle_rad and wrist_axes, and the driver set_wrist_torque. */
+  PALPATE_DEVICE_HAS_WRIST = 1u << 3
 };
 
 /** What the device is. Asked once, after open; constant until close. Refused, with the rule, unless
  * every extent is > 0, 0 < continuous force ≤ peak force, the resolution is in 0 … 0.01 m, there
- * are at most 32 buttons and held_force_ratio is 0 or at least 1, turning_per_m at least 0; all
- * others finite. */
+ * are at most 32 buttons and held_force_ratio is 0 or at least 1, turning_per_m at least 0, with a
+ * wrist the peak torques > 0; all others finite. */
 typedef struct palpate_device_specification {
   uint32_t size;                     /**< sizeof(palpate_device_specification), set by the caller */
   uint32_t flags;                    /**< bits of palpate_device_flags */
@@ -85,12 +88,16 @@ typedef struct palpate_device_specification {
    * hand's way, at most; 0: the motors hold the force, or no bound is known. Added later, as above.
    */
   double turning_per_m;
+  /** Of each joint of a wrist, the limit of its motor. Looked at with PALPATE_DEVICE_HAS_WRIST
+   * only. Added later, as above. */
+  double peak_torque_newton_m[3];
 } palpate_device_specification;
 
 /** One reading. The caller sets size, buttons 0, an identity orientation and zeros elsewhere. A
  * stamp in the future, an orientation of a norm outside 0.5 … 2, a force that is not finite or
- * above the peak (measured: ten times the peak), a turning that is not finite or a skew outside
- * 0 … 1 s releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
+ * above the peak (measured: ten times the peak), a turning that is not finite, a skew outside 0 … 1
+ * s, an angle outside ±1000, an axis that is no unit vector or a torque above the peak of its joint
+ * releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
 typedef struct palpate_device_reading {
   uint32_t size; /**< sizeof(palpate_device_reading), set by the caller */
   /** Bit i: button i is held. 0 where the grip is gone or its state is old: one of them may be the
@@ -115,6 +122,14 @@ typedef struct palpate_device_reading {
    * last reading [N], D. The currents that this message sets change the force at this place by
    * applied_force_newton − the last one − this, J⁻ᵀ Δτ. Added later, as above. */
   double turned_newton[3];
+  /** How far each joint of the wrist has turned, without jumps by turns, at the instant of the
+   * position. These are looked at with PALPATE_DEVICE_HAS_WRIST only. Added later, as above. */
+  double wrist_angle_rad[3];
+  /** About which axis each joint turns the tool now: unit, D. */
+  double wrist_axes[3][3];
+  /** Of a switch: what the motor of each joint does on the hand from now on [N m], limited and
+   * quantised as it realises it. The energy is counted with it. */
+  double wrist_torque_newton_m[3];
 } palpate_device_reading;
 
 /** What the library may use of the program that loads it. Valid until close has returned. */
@@ -131,8 +146,8 @@ typedef struct palpate_device_host {
   double start_limit_s; /**< open gives up after this time */
 } palpate_device_host;
 
-/** A driver. Every function must be there but take_latched and reopen, which may be NULL. Constant,
- * and valid as long as the library is loaded. */
+/** A driver. Every function must be there but take_latched, reopen and set_wrist_torque, which may
+ * be NULL. Constant, and valid as long as the library is loaded. */
 typedef struct palpate_device_driver {
   uint32_t size; /**< sizeof(palpate_device_driver) */
   uint32_t abi;  /**< PALPATE_DEVICE_ABI */
@@ -164,6 +179,12 @@ typedef struct palpate_device_driver {
   /** After a fault: opens the device once more if it has to be, within a second. 1: ready; anything
    * else: the fault stays. May be NULL, for a device that needs no opening again. */
   int (*reopen)(palpate_device* device);
+  /** What the motors of the wrist are to do on the hand, per joint [N m], from the next apply on
+   * and for its lease. Called before every apply, in a session with device.wrist; otherwise never,
+   * and there is no torque. Larger ones are limited to the peak of the joint. release ends torques
+   * too. Needed with PALPATE_DEVICE_HAS_WRIST; else may be NULL. Added later: drivers that were
+   * made before are smaller. */
+  void (*set_wrist_torque)(palpate_device* device, const double torque_newton_m[3]);
 } palpate_device_driver;
 
 /** Type of the function that the library exports under the name PALPATE_DEVICE_ENTRY. */

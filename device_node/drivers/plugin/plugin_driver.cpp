@@ -33,7 +33,7 @@ const palpate_device_driver& driver_in(const Library& library, const PluginConfi
   }
   const palpate_device_driver* const driver = entry(PALPATE_DEVICE_ABI);
   if (driver == nullptr || driver->abi != PALPATE_DEVICE_ABI ||
-      driver->size < sizeof(palpate_device_driver)) {
+      driver->size < offsetof(palpate_device_driver, set_wrist_torque)) {
     refuse(config, "made for another version of palpate_device.h; this program has version " +
                        std::to_string(PALPATE_DEVICE_ABI) + ": build it again");
   }
@@ -44,6 +44,9 @@ const palpate_device_driver& driver_in(const Library& library, const PluginConfi
   return *driver;
 }
 
+Matrix3 columns_of(const double (&vectors)[3][3]) {
+  return Eigen::Map<const Matrix3>(&vectors[0][0]);
+}
 Vector3 vector_of(const double (&values)[3]) { return {values[0], values[1], values[2]}; }
 
 /// What the library's functions see of this program.
@@ -108,8 +111,12 @@ class PluginDevice final : public HapticDevice {
     palpate_device_reading reading = blank();
     if (!is_ok(driver_->read(device_, &reading)) || !convert(reading, sample)) return false;
     // the library ends a force at the first call after its lease, at the latest
-    if (sample.sampled_at >= lease_end_) acting_newton_.setZero();
+    if (sample.sampled_at >= lease_end_) {
+      acting_newton_.setZero();
+      acting_newton_m_.setZero();
+    }
     sample.applied_force_newton = acting_newton_;
+    if (sample.wrist) sample.wrist->acting_torque_newton_m = acting_newton_m_;
     return true;
   }
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
@@ -120,14 +127,23 @@ class PluginDevice final : public HapticDevice {
       return false;
     }
     const Vector3 limited = limited_to_norm(force_on_hand_newton, specification_.peak_force_newton);
+    if (has_wrist_) driver_->set_wrist_torque(device_, next_newton_m_.data());
+    next_newton_m_.setZero();
     palpate_device_reading reading = blank();
     if (!is_ok(driver_->apply(device_, limited.data(), lease.count(), &reading)) ||
         !convert(reading, at_switch)) {
       return false;
     }
     acting_newton_ = at_switch.applied_force_newton;
+    if (at_switch.wrist) acting_newton_m_ = at_switch.wrist->acting_torque_newton_m;
     lease_end_ = at_switch.sampled_at + lease;
     return true;
+  }
+  void set_wrist_torque(const Vector3& torque_on_hand_newton_m) noexcept override {
+    // of a number that is none nothing is known: no torque
+    next_newton_m_ = torque_on_hand_newton_m.allFinite()
+                         ? limited_per_component(torque_on_hand_newton_m, peak_newton_m_)
+                         : Vector3(Vector3::Zero());
   }
   [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
     palpate_device_reading reading = blank();
@@ -137,7 +153,10 @@ class PluginDevice final : public HapticDevice {
   /// Confirmed by a switch to no force, which the library answers with an error if it failed.
   [[nodiscard]] bool release() noexcept override {
     acting_newton_.setZero();
+    acting_newton_m_.setZero();
+    next_newton_m_.setZero();
     driver_->release(device_);
+    if (has_wrist_) driver_->set_wrist_torque(device_, next_newton_m_.data());
     palpate_device_reading passed = blank();
     return is_ok(driver_->apply(device_, Vector3(Vector3::Zero()).data(), 0, &passed));
   }
@@ -185,6 +204,26 @@ class PluginDevice final : public HapticDevice {
                       .held_force_ratio = std::max(1.0, s.held_force_ratio),
                       .turning_per_m = s.turning_per_m};
     measures_force_ = (s.flags & PALPATE_DEVICE_MEASURES_FORCE) != 0;
+    if (config.uses_wrist) take_wrist(config, s);
+  }
+
+  void take_wrist(const PluginConfig& config, const palpate_device_specification& s) {
+    const auto refuse_closed = [&](const char* why) {
+      driver_->close(std::exchange(device_, nullptr));
+      refuse(config, why);
+    };
+    if ((s.flags & PALPATE_DEVICE_HAS_WRIST) == 0) {
+      refuse_closed("device.wrist: this device has no wrist with motors; leave it out");
+    }
+    if (!PALPATE_DEVICE_KNOWS(palpate_device_driver, driver_, set_wrist_torque) ||
+        driver_->set_wrist_torque == nullptr) {
+      refuse_closed("says that it has a wrist, but lacks set_wrist_torque");
+    }
+    peak_newton_m_ = vector_of(s.peak_torque_newton_m);
+    if (!(peak_newton_m_.minCoeff() > 0.0) || !peak_newton_m_.allFinite()) {
+      refuse_closed("its specification needs a peak_torque_newton_m > 0 for each joint");
+    }
+    has_wrist_ = true;
   }
 
   bool is_ok(int error) noexcept {
@@ -210,7 +249,8 @@ class PluginDevice final : public HapticDevice {
                          std::isfinite(reading.turning_joule) && turned.allFinite() &&
                          skew >= Duration::zero() && skew <= kMostSkew &&
                          (!measures_force_ || measured.norm() <= kMostMeasured * peak_newton);
-    if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !is_real) {
+    if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !is_real ||
+        (has_wrist_ && !is_possible_wrist(reading))) {
       driver_->release(device_);
       error_ = DeviceError::kCorrupt;
       return false;
@@ -224,12 +264,29 @@ class PluginDevice final : public HapticDevice {
               .turning_joule = reading.turning_joule,
               .turned_newton = turned};
     if (measures_force_) sample.measured_newton = measured;
+    if (has_wrist_) {
+      sample.wrist = WristState{.pose = {.angle_rad = vector_of(reading.wrist_angle_rad),
+                                         .axes = columns_of(reading.wrist_axes)},
+                                .acting_torque_newton_m = vector_of(reading.wrist_torque_newton_m)};
+    }
     return true;
+  }
+  [[nodiscard]] bool is_possible_wrist(const palpate_device_reading& reading) const noexcept {
+    const Vector3 angle_rad = vector_of(reading.wrist_angle_rad);
+    const Vector3 lengths = columns_of(reading.wrist_axes).colwise().norm();
+    const Vector3 most_newton_m = kRounding * peak_newton_m_;
+    const Vector3 torque_newton_m = vector_of(reading.wrist_torque_newton_m).cwiseAbs();
+    // a NaN is not ≤
+    return angle_rad.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMostAngle_rad &&
+           (lengths - Vector3::Ones()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kUnit &&
+           (torque_newton_m - most_newton_m).maxCoeff<Eigen::PropagateNaN>() <= 0.0;
   }
 
   static constexpr double kRounding = 1.001;     // of motors that quantise
   static constexpr double kMostMeasured = 10.0;  // what is more is no measurement
   static constexpr Duration kMostSkew = std::chrono::seconds(1);
+  static constexpr double kMostAngle_rad = 1000.0;  // that hop 1 carries
+  static constexpr double kUnit = 1e-6;
 
   Host host_;
   const Clock& clock_;
@@ -240,6 +297,10 @@ class PluginDevice final : public HapticDevice {
   bool measures_force_ = false;
   DeviceError error_ = DeviceError::kNone;
   Vector3 acting_newton_ = Vector3::Zero();  // until lease_end_
+  bool has_wrist_ = false;                   // that the session uses; per joint:
+  Vector3 peak_newton_m_ = Vector3::Zero();
+  Vector3 next_newton_m_ = Vector3::Zero();    // of the next apply()
+  Vector3 acting_newton_m_ = Vector3::Zero();  // until lease_end_
   TimePoint lease_end_{};
 };
 

@@ -125,6 +125,94 @@ TEST(Plugin, HeldCurrentsAndTheTimeOfATransferArePassedOn) {
   }
 }
 
+// --- a wrist
+// --------------------------------------------------------------------------------------
+
+std::unique_ptr<HapticDevice> open_wrist(const Clock& clock,
+                                         const char* library = PALPATE_EXAMPLE_DEVICE,
+                                         const std::string& fault = "") {
+  return open_plugin({.library = library, .options = fault, .uses_wrist = true}, clock, {});
+}
+
+// 0.1 N·m is the peak of its motors; they turn it by 1 rad/s for 0.05 N·m.
+TEST(PluginWrist, TurnsItsJointsForTheLeaseAndNoLonger) {
+  ManualClock clock;
+  const auto device = open_wrist(clock);
+  DeviceSample sample;
+  device->set_wrist_torque({0.05, 0.0, -0.2});
+  ASSERT_TRUE(device->apply({0, 0, 0}, std::chrono::milliseconds(3), sample));
+  ASSERT_TRUE(sample.wrist);
+  EXPECT_EQ(sample.wrist->acting_torque_newton_m, Vector3(0.05, 0.0, -0.1));
+  EXPECT_EQ(sample.wrist->pose.axes, Matrix3::Identity());
+  clock.advance(std::chrono::milliseconds(2));
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_NEAR((sample.wrist->pose.angle_rad - Vector3(2e-3, 0.0, -4e-3)).norm(), 0.0, 1e-12);
+  EXPECT_EQ(sample.wrist->acting_torque_newton_m, Vector3(0.05, 0.0, -0.1));
+  clock.advance(std::chrono::milliseconds(2));
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_NEAR((sample.wrist->pose.angle_rad - Vector3(3e-3, 0.0, -6e-3)).norm(), 0.0, 1e-12);
+  EXPECT_EQ(sample.wrist->acting_torque_newton_m, Vector3(0, 0, 0));
+}
+
+TEST(PluginWrist, ATorqueIsForOneCommandAndARelease) {
+  ManualClock clock;
+  const auto device = open_wrist(clock);
+  DeviceSample sample;
+  const auto apply = [&] { return device->apply({0, 0, 1}, std::chrono::milliseconds(3), sample); };
+  device->set_wrist_torque({0.05, 0.0, 0.0});
+  ASSERT_TRUE(apply());
+  ASSERT_TRUE(apply());
+  EXPECT_EQ(sample.wrist->acting_torque_newton_m, Vector3(0, 0, 0)) << "given before each";
+  device->set_wrist_torque({0.0, std::numeric_limits<double>::quiet_NaN(), 0.01});
+  ASSERT_TRUE(apply());
+  EXPECT_EQ(sample.wrist->acting_torque_newton_m, Vector3(0, 0, 0)) << "not a number";
+  device->set_wrist_torque({0.05, 0.0, 0.0});
+  ASSERT_TRUE(apply());
+  device->set_wrist_torque({0.05, 0.0, 0.0});
+  EXPECT_TRUE(device->release());
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_EQ(sample.wrist->acting_torque_newton_m, Vector3(0, 0, 0));
+  ASSERT_TRUE(apply());
+  EXPECT_EQ(sample.wrist->acting_torque_newton_m, Vector3(0, 0, 0));
+}
+
+TEST(PluginWrist, OfADeviceWhoseSessionHasNoneIsLeftAlone) {
+  ManualClock clock;
+  const auto device = open_plugin({.library = PALPATE_EXAMPLE_DEVICE, .options = ""}, clock, {});
+  DeviceSample sample;
+  device->set_wrist_torque({0.05, 0.0, 0.0});
+  ASSERT_TRUE(device->apply({0, 0, 0}, std::chrono::milliseconds(3), sample));
+  EXPECT_FALSE(sample.wrist);
+}
+
+TEST(PluginWrist, ThatIsMissingOrCannotBeIsRefused) {
+  const auto refusal = [](const std::string& fault) -> std::string {
+    const ManualClock clock;
+    try {
+      static_cast<void>(open_wrist(clock, PALPATE_WRONG_DEVICE, fault));
+    } catch (const SetupError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal("no wrist"), HasSubstr("has no wrist with motors; leave it out"));
+  EXPECT_THAT(refusal(""), HasSubstr("lacks set_wrist_torque"));
+  EXPECT_THAT(refusal("wrist without motors"), HasSubstr("peak_torque_newton_m > 0"));
+  EXPECT_EQ(refusal("wrist"), "");
+}
+
+TEST(PluginWrist, AReadingThatNoWristTakesReleasesTheMotors) {
+  for (const char* fault :
+       {"wrist turns endlessly", "wrist angle is no number", "wrist axis is short",
+        "wrist axis is no number", "wrist is too strong"}) {
+    const ManualClock clock;
+    const auto device = open_wrist(clock, PALPATE_WRONG_DEVICE, fault);
+    DeviceSample sample;
+    EXPECT_FALSE(device->read(sample)) << fault;
+    EXPECT_EQ(device->last_error(), DeviceError::kCorrupt) << fault;
+  }
+}
+
 // No plug-in says what its motors do: its motion does.
 TEST(Plugin, AReleaseThatDoesNotReleaseAndOldPositionsAreNamedByTheChecks) {
   const auto failed_with = [](const std::string& fault) {

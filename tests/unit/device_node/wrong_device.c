@@ -8,6 +8,7 @@
 
 static char fault[32];
 static int readings;
+static palpate_device_driver wrong;
 static int64_t soft_end_ns; /* of "lease in software": it claims a watchdog, and has none */
 
 static palpate_device* open_wrong(const char* options, const palpate_device_host* host, char* error,
@@ -15,6 +16,7 @@ static palpate_device* open_wrong(const char* options, const palpate_device_host
   snprintf(fault, sizeof(fault), "%s", options);
   readings = 0;
   soft_end_ns = INT64_MAX;
+  if (strncmp(fault, "wrist", 5) == 0) wrong.size = sizeof(wrong);
   if (strcmp(fault, "control characters") == 0) {
     snprintf(error, error_size, "no board\nat \x1b[31mport 3");
     return NULL;
@@ -31,6 +33,11 @@ static void measure_wrong(palpate_device_reading* out) {
   if (strcmp(fault, "turns no number") == 0) out->turning_joule = NAN;
   if (strcmp(fault, "skew of the past") == 0) out->skew_ns = -1;
   if (strcmp(fault, "skew of hours") == 0) out->skew_ns = INT64_MAX;
+  if (strcmp(fault, "wrist turns endlessly") == 0) out->wrist_angle_rad[2] = 1001.0;
+  if (strcmp(fault, "wrist angle is no number") == 0) out->wrist_angle_rad[0] = NAN;
+  if (strcmp(fault, "wrist axis is short") == 0) out->wrist_axes[1][1] = 0.5;
+  if (strcmp(fault, "wrist axis is no number") == 0) out->wrist_axes[2][0] = NAN;
+  if (strcmp(fault, "wrist is too strong") == 0) out->wrist_torque_newton_m[1] = -0.11;
 }
 
 static void specify_wrong(const palpate_device* d, palpate_device_specification* out) {
@@ -41,6 +48,8 @@ static void specify_wrong(const palpate_device* d, palpate_device_specification*
   if (strcmp(fault, "turns endlessly") == 0) out->turning_per_m = INFINITY;
   if (strcmp(fault, "held less") == 0) out->held_force_ratio = 0.5;
   if (strcmp(fault, "held no number") == 0) out->held_force_ratio = NAN;
+  if (strcmp(fault, "no wrist") == 0) out->flags &= ~(uint32_t)PALPATE_DEVICE_HAS_WRIST;
+  if (strcmp(fault, "wrist without motors") == 0) out->peak_torque_newton_m[2] = 0.0;
 }
 
 /* the newest of the readings so far that is so old */
@@ -95,8 +104,10 @@ static void release_wrong(palpate_device* d) {
 }
 
 const palpate_device_driver* palpate_device_driver_of(uint32_t abi) {
-  static palpate_device_driver wrong;
   wrong = *right_driver_of(PALPATE_DEVICE_ABI);
+  /* as a library has it that was made before wrists; open_wrong() knows better where there is one
+   */
+  wrong.size = offsetof(palpate_device_driver, set_wrist_torque);
   wrong.open = open_wrong;
   wrong.specification = specify_wrong;
   wrong.read = read_wrong;

@@ -55,9 +55,19 @@ TEST(WristRules, ItsPartsNeedTheWristOfTheDevice) {
   EXPECT_TRUE(is_told("name: \"w\" hand { wrist {} }", "hand.wrist", "needs device.wrist"));
 }
 
-TEST(WristRules, OnlyTheSimulatedDeviceHasOne) {
+TEST(WristRules, OnlyTheSimulatedDeviceAndAPluginHaveOne) {
   EXPECT_TRUE(is_told("name: \"w\" device { wrist {} haply_inverse {} }", "device.wrist",
-                      "only the simulated device"));
+                      "only the simulated device and that of a plug-in"));
+  const auto device_of = [](const std::string& wrist) {
+    return parse_session(
+        "name: \"w\" device { wrist { " + wrist + " } plugin { library: \"arm.so\" } }", {});
+  };
+  const Side plain = device_of("").side();
+  EXPECT_TRUE(std::get<PluginConfig>(plain.driver).uses_wrist);
+  EXPECT_FALSE(plain.device.accepts_unchecked_torque);
+  EXPECT_TRUE(plain.simulated.wrist) << "what stands in for it in palpate loopback";
+  EXPECT_TRUE(device_of("accept: UNCHECKED_MOTORS").side().device.accepts_unchecked_torque);
+  EXPECT_TRUE(is_told("name: \"w\" device { wrist { accept: ANYTHING } }", "accept", ""));
 }
 
 TEST(WristRules, OnlyModeGuardClampsTorque) {

@@ -58,8 +58,11 @@ void add_wrist(const Fields& device, const Fields& hand, const Fields& mofc, Sid
     if (hand.has("wrist")) hand.problem("wrist", "needs device.wrist; give device { wrist {} }");
     return;
   }
-  if (is_real(side.driver)) {
-    device.problem("wrist", "only the simulated device has one; leave it out");
+  if (auto* const plugin = std::get_if<PluginConfig>(&side.driver)) {
+    plugin->uses_wrist = true;
+  } else if (is_real(side.driver)) {
+    device.problem("wrist",
+                   "only the simulated device and that of a plug-in have one; leave it out");
     return;
   }
   const bool is_guard =
@@ -72,7 +75,10 @@ void add_wrist(const Fields& device, const Fields& hand, const Fields& mofc, Sid
   if (side.mofc.has_safety_net) {
     mofc.problem("safety_net", "clamps no torque; leave it out with device.wrist");
   }
-  side.device.wrist = to_wrist(device.message("wrist"));
+  const Fields wrist = device.message("wrist");
+  side.device.wrist = to_wrist(wrist);
+  side.device.accepts_unchecked_torque =
+      wrist.enumerator("accept") == v1::Device::Wrist::UNCHECKED_MOTORS;
   side.simulated.wrist = to_true_wrist(simulated.message("wrist"), *side.device.wrist);
   side.hand.wrist = to_hand_wrist(hand.message("wrist"));
 }
