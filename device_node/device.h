@@ -48,6 +48,8 @@ struct DeviceSpecification {
   /// 0: the motors hold the force, or no bound is known; infinite: the workspace has a singular
   /// place of the arm, and no force acts.
   double turning_per_m = 0.0;
+  /// Of each joint of the wrist that the session uses, the limit of its motor; zero: no wrist.
+  Vector3 peak_torque_newton_m = Vector3::Zero();
 
   /// How far on each axis of D something bounds what held currents do: infinite where none are
   /// held.

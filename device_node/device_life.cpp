@@ -50,10 +50,7 @@ double largest_force_newton(const DeviceConfig& config,
 }
 
 DeviceConfig with_torque_limit(DeviceConfig config, const DeviceSpecification& specification) {
-  const bool may_exceed_friction =
-      specification.is_simulated ||
-      (specification.has_motor_watchdog && config.accepts_unchecked_torque);
-  if (config.wrist && !may_exceed_friction) {
+  if (config.wrist && !specification.has_motor_watchdog) {
     config.wrist->peak_torque_newton_m =
         std::min(config.wrist->peak_torque_newton_m, config.wrist->coulomb_newton_m);
   }
@@ -108,7 +105,21 @@ void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification
 void refuse_unlikely_friction(const DeviceConfig& config,
                               const DeviceSpecification& specification) {
   const double most_newton = kMostFriction_ratio * specification.peak_force_newton;
-  if (specification.is_simulated || config.profile.coulomb_newton <= most_newton) return;
+  if (specification.is_simulated) return;
+  const double most_newton_m = kMostFriction_ratio * specification.peak_torque_newton_m.minCoeff();
+  if (config.wrist && config.wrist->coulomb_newton_m > most_newton_m) {
+    std::array<char, 160> text{};
+    std::snprintf(
+        text.data(), text.size(),
+        "device.wrist.coulomb_newton_m: %.3g N·m: of more than a quarter of the weakest motor, "
+        "%.3g N·m, ",
+        config.wrist->coulomb_newton_m, most_newton_m);
+    throw SetupError(
+        std::string(text.data()) +
+        "it is not believed that the joint's friction absorbs what the motor does; measure "
+        "it joint by joint");
+  }
+  if (config.profile.coulomb_newton <= most_newton) return;
   throw SetupError("device.profile.coulomb_newton: " + newton_text(config.profile.coulomb_newton) +
                    ": device \"" + specification.model_name + "\" has motors of " +
                    newton_text(specification.peak_force_newton) +

@@ -62,8 +62,7 @@ namespace palpate::device {
 [[nodiscard]] double largest_force_newton(const DeviceConfig& config,
                                           const DeviceSpecification& specification) noexcept;
 
-/// The same with the largest torque that session and device allow: at most f_co of each joint whose
-/// motors end none by themselves, or which no check has pushed unless the session accepts that.
+/// The same with no more torque than f_co of each joint where the motors end none by themselves.
 [[nodiscard]] DeviceConfig with_torque_limit(DeviceConfig config,
                                              const DeviceSpecification& specification);
 

@@ -245,16 +245,15 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                     limit->remedy.empty() ? "" : "; remedy=\"" + limit->remedy + "\"");
   }
 
-  if (config.wrist) {
+  if (config.wrist && !device->specification().is_simulated) {
     const double newton_m =
         with_torque_limit(config, device->specification()).wrist->peak_torque_newton_m;
-    if (newton_m < config.wrist->peak_torque_newton_m) {
+    if (newton_m <= config.wrist->coulomb_newton_m) {
       context.log.warn(
-          "event=torque_limit newton_m={:.3g}: f_co, device.wrist.coulomb_newton_m: {}", newton_m,
-          device->specification().has_motor_watchdog
-              ? "no check pushes these motors; remedy=\"if their sign and gain are known, give "
-                "device.wrist.accept: UNCHECKED_MOTORS\""
-              : "the motors end no torque by themselves");
+          "event=torque_limit newton_m={:.3g}: the friction of the joints, "
+          "device.wrist.coulomb_newton_m; "
+          "more needs a motor watchdog, and device.wrist.accept: UNCHECKED_MOTORS",
+          newton_m);
     }
   }
   if (config.skips_motor_check && !device->specification().is_simulated) {

@@ -41,8 +41,6 @@ struct DeviceConfig {
   WorkspaceConfig workspace;
   DeviceProfile profile;
   std::optional<WristProfile> wrist = {};  ///< none: the device gives no torque
-  /// More than f_co of a real wrist, whose motors no check pushes.
-  bool accepts_unchecked_torque = false;
   MonitorConfig monitor;
   /// Force only while this button is held; none: no such button.
   std::optional<std::uint32_t> dead_man_button = {};

@@ -141,9 +141,10 @@ class PluginDevice final : public HapticDevice {
   }
   void set_wrist_torque(const Vector3& torque_on_hand_newton_m) noexcept override {
     // of a number that is none nothing is known: no torque
-    next_newton_m_ = torque_on_hand_newton_m.allFinite()
-                         ? limited_per_component(torque_on_hand_newton_m, peak_newton_m_)
-                         : Vector3(Vector3::Zero());
+    next_newton_m_ =
+        torque_on_hand_newton_m.allFinite()
+            ? limited_per_component(torque_on_hand_newton_m, specification_.peak_torque_newton_m)
+            : Vector3(Vector3::Zero());
   }
   [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
     palpate_device_reading reading = blank();
@@ -219,10 +220,11 @@ class PluginDevice final : public HapticDevice {
         driver_->set_wrist_torque == nullptr) {
       refuse_closed("says that it has a wrist, but lacks set_wrist_torque");
     }
-    peak_newton_m_ = vector_of(s.peak_torque_newton_m);
-    if (!(peak_newton_m_.minCoeff() > 0.0) || !peak_newton_m_.allFinite()) {
+    const Vector3 peak_newton_m = vector_of(s.peak_torque_newton_m);
+    if (!(peak_newton_m.minCoeff<Eigen::PropagateNaN>() > 0.0) || !peak_newton_m.allFinite()) {
       refuse_closed("its specification needs a peak_torque_newton_m > 0 for each joint");
     }
+    specification_.peak_torque_newton_m = peak_newton_m;
     has_wrist_ = true;
   }
 
@@ -274,7 +276,7 @@ class PluginDevice final : public HapticDevice {
   [[nodiscard]] bool is_possible_wrist(const palpate_device_reading& reading) const noexcept {
     const Vector3 angle_rad = vector_of(reading.wrist_angle_rad);
     const Vector3 lengths = columns_of(reading.wrist_axes).colwise().norm();
-    const Vector3 most_newton_m = kRounding * peak_newton_m_;
+    const Vector3 most_newton_m = kRounding * specification_.peak_torque_newton_m;
     const Vector3 torque_newton_m = vector_of(reading.wrist_torque_newton_m).cwiseAbs();
     // a NaN is not ≤
     return angle_rad.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMostAngle_rad &&
@@ -296,9 +298,8 @@ class PluginDevice final : public HapticDevice {
   DeviceSpecification specification_;
   bool measures_force_ = false;
   DeviceError error_ = DeviceError::kNone;
-  Vector3 acting_newton_ = Vector3::Zero();  // until lease_end_
-  bool has_wrist_ = false;                   // that the session uses; per joint:
-  Vector3 peak_newton_m_ = Vector3::Zero();
+  Vector3 acting_newton_ = Vector3::Zero();    // until lease_end_
+  bool has_wrist_ = false;                     // that the session uses; per joint:
   Vector3 next_newton_m_ = Vector3::Zero();    // of the next apply()
   Vector3 acting_newton_m_ = Vector3::Zero();  // until lease_end_
   TimePoint lease_end_{};

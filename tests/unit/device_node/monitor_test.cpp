@@ -188,6 +188,19 @@ TEST(UnlikelyFriction, OfMoreThanAQuarterOfThePeakForceIsRefused) {
                                  testing::HasSubstr("palpate identify"))));
 }
 
+TEST(UnlikelyFriction, OfAJointIsJudgedByItsWeakestMotor) {
+  DeviceConfig config = monitored_config();
+  config.profile.coulomb_newton = 0.1;
+  const DeviceSpecification arm{
+      .model_name = "arm", .peak_force_newton = 4.0, .peak_torque_newton_m = {0.1, 0.04, 0.2}};
+  config.wrist = {.coulomb_newton_m = 0.01};
+  EXPECT_NO_THROW(refuse_unlikely_friction(config, arm));
+  config.wrist->coulomb_newton_m = 0.0101;
+  EXPECT_THAT([&] { refuse_unlikely_friction(config, arm); },
+              testing::ThrowsMessage<SetupError>(
+                  testing::HasSubstr("device.wrist.coulomb_newton_m: 0.0101 N·m")));
+}
+
 TEST(FinerResolution, ThanTheStepsOfTheEncodersIsRefused) {
   DeviceConfig config = monitored_config();
   DeviceSpecification arm{.model_name = "arm", .position_resolution_m = 113.7e-6};

@@ -64,9 +64,10 @@ TEST(WristRules, OnlyTheSimulatedDeviceAndAPluginHaveOne) {
   };
   const Side plain = device_of("").side();
   EXPECT_TRUE(std::get<PluginConfig>(plain.driver).uses_wrist);
-  EXPECT_FALSE(plain.device.accepts_unchecked_torque);
+  EXPECT_EQ(plain.device.wrist->peak_torque_newton_m, plain.device.wrist->coulomb_newton_m)
+      << "nobody has pushed its motors";
   EXPECT_TRUE(plain.simulated.wrist) << "what stands in for it in palpate loopback";
-  EXPECT_TRUE(device_of("accept: UNCHECKED_MOTORS").side().device.accepts_unchecked_torque);
+  EXPECT_EQ(device_of("accept: UNCHECKED_MOTORS").side().device.wrist->peak_torque_newton_m, 0.2);
   EXPECT_TRUE(is_told("name: \"w\" device { wrist { accept: ANYTHING } }", "accept", ""));
 }
 

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <variant>
+
 #include "common/session/file/convert.h"
 
 namespace palpate {
@@ -58,7 +61,8 @@ void add_wrist(const Fields& device, const Fields& hand, const Fields& mofc, Sid
     if (hand.has("wrist")) hand.problem("wrist", "needs device.wrist; give device { wrist {} }");
     return;
   }
-  if (auto* const plugin = std::get_if<PluginConfig>(&side.driver)) {
+  auto* const plugin = std::get_if<PluginConfig>(&side.driver);
+  if (plugin != nullptr) {
     plugin->uses_wrist = true;
   } else if (is_real(side.driver)) {
     device.problem("wrist",
@@ -76,9 +80,12 @@ void add_wrist(const Fields& device, const Fields& hand, const Fields& mofc, Sid
     mofc.problem("safety_net", "clamps no torque; leave it out with device.wrist");
   }
   const Fields wrist = device.message("wrist");
-  side.device.wrist = to_wrist(wrist);
-  side.device.accepts_unchecked_torque =
-      wrist.enumerator("accept") == v1::Device::Wrist::UNCHECKED_MOTORS;
+  WristProfile profile = to_wrist(wrist);
+  // nobody has pushed these motors: no more than the friction of a joint absorbs, whatever its sign
+  if (plugin != nullptr && wrist.enumerator("accept") != v1::Device::Wrist::UNCHECKED_MOTORS) {
+    profile.peak_torque_newton_m = std::min(profile.peak_torque_newton_m, profile.coulomb_newton_m);
+  }
+  side.device.wrist = profile;
   side.simulated.wrist = to_true_wrist(simulated.message("wrist"), *side.device.wrist);
   side.hand.wrist = to_hand_wrist(hand.message("wrist"));
 }

@@ -39,18 +39,16 @@ class ExampleWithWrist final : public HapticDevice {
 
 /// f_co 0.002 and peak 0.1 N·m; 0.05 N·m about y is commanded for 20 ticks.
 struct WristRun {
-  WristRun(bool is_accepted, const std::string& options = "")
-      : bench(config(is_accepted), options) {
+  explicit WristRun(const std::string& options = "") : bench(config(), options) {
     bench.wrist_torque_newton_m = {0.0, 0.05, 0.0};
     bench.answer_with(Vector3::Zero());
     for (int i = 0; i < 5; ++i) bench.tick();
     bench.node.acknowledge();
     for (int i = 0; i < 20; ++i) bench.tick();
   }
-  static DeviceConfig config(bool is_accepted) {
+  static DeviceConfig config() {
     DeviceConfig config = test::device_config();
     config.wrist = {.coulomb_newton_m = 0.002, .peak_torque_newton_m = 0.1};
-    config.accepts_unchecked_torque = is_accepted;
     return config;
   }
   [[nodiscard]] double acting_newton_m() const {
@@ -61,16 +59,11 @@ struct WristRun {
   test::DeviceNodeBench<ExampleWithWrist> bench;
 };
 
-TEST(PluginWristInTheTick, GetsWhatItsFrictionAbsorbsUntilTheSessionAcceptsMore) {
-  const WristRun limited(false);
-  EXPECT_DOUBLE_EQ(limited.acting_newton_m(), 0.002);
-  EXPECT_LE(limited.angle_rad(), 0.002 / 0.05 * 0.02);
-  EXPECT_GT(limited.angle_rad(), 0.0);
-  const WristRun accepted(true);
-  EXPECT_DOUBLE_EQ(accepted.acting_newton_m(), 0.05);
-  EXPECT_GT(accepted.angle_rad(), 0.015);
-  // the echo that the clamp counts with
-  const DeviceState& state = accepted.bench.states.back();
+TEST(PluginWristInTheTick, GetsTheTorqueAndTellsTheClampWhatActed) {
+  const WristRun run;
+  EXPECT_DOUBLE_EQ(run.acting_newton_m(), 0.05);
+  EXPECT_GT(run.angle_rad(), 0.015);
+  const DeviceState& state = run.bench.states.back();
   ASSERT_GT(state.applied_count, 0U);
   EXPECT_DOUBLE_EQ(state.applied[state.applied_count - 1].wrist_torque_newton_m.y(), 0.05);
   EXPECT_DOUBLE_EQ(state.applied[state.applied_count - 1].wrist_angle_at_end_rad.y(),
@@ -79,11 +72,14 @@ TEST(PluginWristInTheTick, GetsWhatItsFrictionAbsorbsUntilTheSessionAcceptsMore)
 
 // Nothing bounds how long they would push.
 TEST(PluginWristInTheTick, WithoutAWatchdogGetsNoMoreThanFriction) {
-  EXPECT_DOUBLE_EQ(WristRun(true, "no watchdog").acting_newton_m(), 0.002);
+  const WristRun run("no watchdog");
+  EXPECT_DOUBLE_EQ(run.acting_newton_m(), 0.002);
+  EXPECT_LE(run.angle_rad(), 0.002 / 0.05 * 0.021);
+  EXPECT_GT(run.angle_rad(), 0.0);
 }
 
 TEST(PluginWristInTheTick, IsLimpUntilAPersonHasAcknowledgedIt) {
-  test::DeviceNodeBench<ExampleWithWrist> bench(WristRun::config(true), std::string());
+  test::DeviceNodeBench<ExampleWithWrist> bench(WristRun::config(), std::string());
   bench.wrist_torque_newton_m = {0.0, 0.05, 0.0};
   bench.answer_with(Vector3::Zero());
   for (int i = 0; i < 20; ++i) bench.tick();
