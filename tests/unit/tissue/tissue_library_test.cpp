@@ -66,15 +66,17 @@ void place(palpate_tool& tool, std::size_t copy, double time_s) {
   tool.position_m[2] = 0.004 + 0.004 * std::cos(9.0 * time_s + phase);
 }
 
+std::string bytes_of(const palpate_tool_force& force) {
+  return {reinterpret_cast<const char*>(&force), sizeof(force)};
+}
+
 /// Every byte of the answers of one step after the other.
 std::string run(Batch& batch, std::size_t copies, std::size_t first_copy, int from, int to) {
   std::string bytes;
   for (int k = from; k < to; ++k) {
     for (std::size_t i = 0; i < copies; ++i) place(batch.tool(i), first_copy + i, kTick_s * k);
     batch.step(kTick_s);
-    for (std::size_t i = 0; i < copies; ++i) {
-      bytes.append(reinterpret_cast<const char*>(&batch.force(i)), sizeof(palpate_tool_force));
-    }
+    for (std::size_t i = 0; i < copies; ++i) bytes += bytes_of(batch.force(i));
   }
   return bytes;
 }
@@ -128,8 +130,8 @@ TEST(TissueLibrary, ASnapshotContinuesToTheBitAndAResetIsTheStart) {
     for (int k = 150; k < 300; ++k) {
       for (std::size_t i = 0; i < 2; ++i) place(other.tool(i), 4, kTick_s * k);
       other.step(kTick_s);
-      EXPECT_EQ(std::memcmp(&other.force(0), &other.force(1), sizeof(palpate_tool_force)), 0);
-      again.append(reinterpret_cast<const char*>(&other.force(0)), sizeof(palpate_tool_force));
+      EXPECT_TRUE(bytes_of(other.force(0)) == bytes_of(other.force(1)));
+      again += bytes_of(other.force(0));
     }
     constexpr std::size_t kSize = sizeof(palpate_tool_force);
     for (std::size_t k = 0; k < 150; ++k) {
