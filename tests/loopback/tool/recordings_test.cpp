@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "palpate/v1/plot.pb.h"
 #include "tests/support/machine/places.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
@@ -179,6 +181,51 @@ TEST_F(RecordingTools, TheIdealForceIsRecordedByLoopback) {
   ASSERT_EQ(palpate({"report", path("run.mcap"), "-o", path("none.html")}).status, 0);
   EXPECT_THAT(text_of(path("none.html")), AllOf(HasSubstr("<th>ideal force</th><td>not recorded"),
                                                 Not(HasSubstr(R"("name":"ideal")"))));
+}
+
+TEST_F(RecordingTools, TheTorqueOfAWristIsReportedAndExported) {
+  ASSERT_EQ(
+      palpate({"loopback", test::source_dir() + "/deploy/sessions/tools/lever.txtpb", "--seconds",
+               "1", "--record", path("lever.mcap"), "--json", path("lever.json")})
+          .status,
+      0);
+  const double largest_newton_m =
+      json::parse(text_of(path("lever.json")))["max_torque_newton_m"].get<double>();
+  ASSERT_GT(largest_newton_m, 0.01);
+  ASSERT_EQ(palpate({"report", path("lever.mcap"), "-o", path("lever.html")}).status, 0);
+  char figure[32];
+  std::snprintf(figure, sizeof(figure), "%.4f", largest_newton_m);
+  const std::string heading = "<h2>Torque on the joints of the wrist";
+  EXPECT_THAT(
+      text_of(path("lever.html")),
+      AllOf(HasSubstr(heading), HasSubstr("<th>torque</th><td>largest " + std::string(figure))));
+  ASSERT_EQ(palpate({"report", path("run.mcap"), "-o", path("none.html")}).status, 0);
+  EXPECT_THAT(text_of(path("none.html")),
+              AllOf(Not(HasSubstr(heading)), Not(HasSubstr("<th>torque"))));
+
+  const auto largest_exported_newton_m = [&](const std::string& recording) {
+    EXPECT_EQ(
+        palpate({"export", path(recording), "--foxglove", path("foxglove_" + recording)}).status,
+        0);
+    viewer::McapReader exported(path("foxglove_" + recording));
+    double largest = -1.0;
+    while (const auto message = exported.next()) {
+      const auto& topics = exported.topics();
+      const auto topic = std::find_if(topics.begin(), topics.end(), [&](const auto& one) {
+        return one.id == message->channel_id;
+      });
+      if (topic == topics.end() || topic->topic != "/telemetry") continue;
+      v1::Telemetry tick;
+      EXPECT_TRUE(tick.ParseFromString(std::string(message->payload)));
+      if (!tick.has_wrist_torque_newton_m()) continue;
+      const auto& t = tick.wrist_torque_newton_m();
+      largest = std::max({largest, std::abs(t.x()), std::abs(t.y()), std::abs(t.z())});
+      EXPECT_GE(tick.applied_newton_m(), std::abs(t.y()));
+    }
+    return largest;
+  };
+  EXPECT_NEAR(largest_exported_newton_m("lever.mcap"), largest_newton_m, 1e-12);
+  EXPECT_EQ(largest_exported_newton_m("run.mcap"), -1.0) << "no wrist, no torque";
 }
 
 // Holes of 9 ms, so leases end by themselves; answers that come 0.3 ms after the reading.
