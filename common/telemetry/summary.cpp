@@ -58,7 +58,11 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
 
   // this tick
   if (row.mofc) {
-    if (!row.mofc->requested_force_on_hand_newton.isZero(0.0)) ++requested_ticks_;
+    const bool is_torque_requested =  // without a wrist they are not numbers
+        (row.mofc->requested_wrist_torque_newton_m.array().abs() > 0.0).any();
+    if (is_torque_requested || !row.mofc->requested_force_on_hand_newton.isZero(0.0)) {
+      ++requested_ticks_;
+    }
     if (row.mofc->is_clamped) ++clamped_ticks_;
     if (row.mofc->state == MofcState::kClutched) ++clutched_ticks_;
   }

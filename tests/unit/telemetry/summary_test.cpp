@@ -206,6 +206,15 @@ TEST(RunStatistics, TheClampRatioIsOfTheTicksWithAForce) {
 
   EXPECT_DOUBLE_EQ(s.clamp_ratio(), 0.25);
   EXPECT_EQ(s.ticks(), 6u);
+
+  // of a wrist, while no force is asked for
+  for (int i = 0; i < 4; ++i) {
+    TickRow turned = row(Vector3::Zero(), Vector3::Zero());
+    turned.mofc->requested_wrist_torque_newton_m = {0, i < 2 ? 0.01 : 0.0, 0};
+    turned.mofc->is_clamped = i == 1;
+    s.add(turned, {});
+  }
+  EXPECT_DOUBLE_EQ(s.clamp_ratio(), 2.0 / 6.0);
 }
 
 // True geometry beats what physics last said; what physics said beats nothing.
