@@ -584,6 +584,7 @@ Object.defineProperty(window, "__test", {
       shown_side: sides.shown,
       now_s: telemetry.now_s, device_ticks: telemetry.device.length, mofc_ticks: telemetry.mofc.length,
       plots: {
+        end_s: plots.force.end_s,
         force: plots.force.status, torque: plots.torque.status, energy: plots.energy.status, transparency: plots.transparency.status,
         timing: plots.timing.status, lateness_total: plots.lateness.total,
         loop: { points: plots.loop.points, ...plots.loop.most },

@@ -142,6 +142,11 @@ export class TimePlot {
     }
   }
 
+  /** Of the window as drawn; for tests. */
+  get end_s(): number {
+    return this.view?.end_s ?? NaN;
+  }
+
   /** In the window, by seconds before its end. */
   get instants(): Instant[] {
     const { view } = this;
