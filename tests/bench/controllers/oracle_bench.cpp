@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // oracle_bench — how much of the force a better ledger could give back where forces are held: mode
-// guard beside a clamp that knows the true energy of the plant, without cap and gate, and beside
-// one that also knows how fast this hand gets.
+// guard beside a clamp that knows the true energy of the plant, without cap and gate, beside one
+// that also knows how fast this hand gets, and beside those that ask for a share of the request.
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
@@ -30,12 +30,13 @@ constexpr const char* kSession = "tests/bench/controllers/compare.txtpb";
 constexpr double kResolution_m = 55e-6;
 
 /// The rule of guard, T drain(F) + δ drain(F_acting) ≤ E, with the energy of the plant for E: no
-/// encoder, no count, no cap, no gate.
+/// encoder, no count, no cap, no gate. It may ask for less: a share of the request.
 class OracleClamp final : public controllers::ForceController {
  public:
-  OracleClamp(const ClampedDevice& device, double v_max_m_per_s,
+  OracleClamp(const ClampedDevice& device, double v_max_m_per_s, double request_share,
               const device::TrueStateSource& plant)
       : plant_(plant),
+        request_share_(request_share),
         clamp_({.f_d = device.profile.viscous_newton_s_per_m,
                 .f_co = device.profile.coulomb_newton,
                 .T = to_seconds(device.lease)},
@@ -53,8 +54,8 @@ class OracleClamp final : public controllers::ForceController {
     const controllers::LeaseRule::Reserve reserve =
         rule_.reserve(plant_.true_state().energy_joule, input.acting_lease_s,
                       clamp_.drain_watt(input.acting_force_on_hand_newton), 0.0);
-    controllers::ControlOutput output =
-        clamp_.clamp(input.requested_force_on_hand_newton, rule_.credit_joule(reserve));
+    controllers::ControlOutput output = clamp_.clamp(
+        request_share_ * input.requested_force_on_hand_newton, rule_.credit_joule(reserve));
     output.ledger_energy_joule = reserve.energy_joule;
     const controllers::LeaseRule::Lease lease =
         rule_.lease(reserve, clamp_.drain_watt(output.force_on_hand_newton));
@@ -65,6 +66,7 @@ class OracleClamp final : public controllers::ForceController {
 
  private:
   const device::TrueStateSource& plant_;
+  double request_share_;
   controllers::OnePoolClamp clamp_;
   controllers::LeaseRule rule_;
 };
@@ -84,6 +86,7 @@ struct Clamp {
   const char* label;
   std::vector<std::string> overrides;
   double oracle_v_max_m_per_s = 0.0;  ///< 0: what the session selects
+  double request_share = 1.0;         ///< of the oracle
 };
 
 std::vector<Clamp> clamps() {
@@ -94,7 +97,12 @@ std::vector<Clamp> clamps() {
            {"mofc.mode=guard", "mofc.guard_settings.credit_cap_joule=10",
             "mofc.guard_settings.gate_joule=10"}},
           {"true energy", {"mofc.mode=guard"}, 0.5},
-          {"true energy, hand ≤ 0.2 m/s", {"mofc.mode=guard"}, 0.2}};
+          {"true energy, hand ≤ 0.2 m/s", {"mofc.mode=guard"}, 0.2},
+          {"true energy, 0.6 of the request", {"mofc.mode=guard"}, 0.5, 0.6},
+          {"true energy, 0.4 of the request", {"mofc.mode=guard"}, 0.5, 0.4},
+          {"true energy, 0.3 of the request", {"mofc.mode=guard"}, 0.5, 0.3},
+          {"true energy, 0.2 of the request", {"mofc.mode=guard"}, 0.5, 0.2},
+          {"true energy, 0.1 of the request", {"mofc.mode=guard"}, 0.5, 0.1}};
 }
 
 class Rows {
@@ -162,8 +170,8 @@ class Rows {
       options.lockstep.make_controller = [&](const Side& side, const device::HapticDevice& device) {
         const auto* const plant = dynamic_cast<const device::TrueStateSource*>(&device);
         PALPATE_REQUIRE(plant != nullptr);
-        return std::make_unique<OracleClamp>(clamped_device(side.device),
-                                             clamp.oracle_v_max_m_per_s, *plant);
+        return std::make_unique<OracleClamp>(
+            clamped_device(side.device), clamp.oracle_v_max_m_per_s, clamp.request_share, *plant);
       };
     }
     return run_loopback(session, options).statistics;
