@@ -25,6 +25,14 @@ Wave scaled(Wave wave, double scale_ratio, double force_ratio) noexcept {
   return wave;
 }
 
+/// For the wire, never rounded up: what the acting force can draw in a nanosecond more nothing
+/// pays. 0 is the device's own deadline.
+Duration deadline_of(double begins_within_s) noexcept {
+  constexpr double kRounding_ns = 1e-3;  // of what was whole nanoseconds
+  const auto whole = Duration(static_cast<std::int64_t>(1e9 * begins_within_s + kRounding_ns));
+  return begins_within_s > 0.0 ? std::max(whole, Duration(1)) : Duration{};
+}
+
 }  // namespace
 
 MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
@@ -168,7 +176,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   count(*turn_, echo, physics, output, faded.phase);
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
   ForceCommand command = make_command(state, faded.force_newton, lease, now);
-  command.begins_within = from_seconds(output.begins_within_s);
+  command.begins_within = deadline_of(output.begins_within_s);
   command.wrist_torque_newton_m = wrench.wrist_torque_newton_m;
   command.counted_energy_joule = output.counted_energy_joule;
   return command;
