@@ -15,11 +15,10 @@ int rows_of(const Supernode& node) {
 
 constexpr std::size_t kBlock = std::size_t{3} * kTogether;  // of a row, of all together
 
-// A child's Schur complement: the lower half of a square over 3 per row of its supernode.
-struct Update {
-  std::size_t supernode = 0;
-  std::vector<double> values;  // column-major, leading dimension 3 × rows below
-};
+// A child's Schur complement is the lower half of a square over 3 per row of its supernode.
+std::size_t update_size(const Supernode& node) {
+  return 9 * node.rows_below.size() * node.rows_below.size();
+}
 
 }  // namespace
 
@@ -28,11 +27,22 @@ BlockCholesky<Scalar>::BlockCholesky(const BlockPattern& pattern,
                                      std::shared_ptr<const SymbolicFactor> symbolic)
     : pattern_(&pattern), symbolic_(std::move(symbolic)) {
   std::size_t& size = panels_size_;
-  for (const Supernode& node : symbolic_->supernodes) {
+  std::vector<std::size_t> waiting;  // supernodes, as in factor()
+  std::size_t waiting_size = 0;
+  for (std::size_t s = 0; s < symbolic_->supernodes.size(); ++s) {
+    const Supernode& node = symbolic_->supernodes[s];
     panel_starts_.push_back(size);
-    const int rows = padded(rows_of(node));
-    size += static_cast<std::size_t>(rows) * 3 * node.columns;
-    widest_ = std::max(widest_, static_cast<std::size_t>(rows));
+    const auto rows = static_cast<std::size_t>(padded(rows_of(node)));
+    size += rows * 3 * node.columns;
+    widest_ = std::max(widest_, rows);
+    largest_front_ = std::max(largest_front_, rows * static_cast<std::size_t>(rows_of(node)));
+    while (!waiting.empty() && is_child(waiting.back(), s)) {
+      waiting_size -= update_size(symbolic_->supernodes[waiting.back()]);
+      waiting.pop_back();
+    }
+    waiting.push_back(s);
+    waiting_size += update_size(node);
+    most_waiting_ = std::max(most_waiting_, waiting_size);
   }
   unfold();
 }
@@ -53,9 +63,14 @@ template <class Scalar>
 bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
   panels_ = nullptr;
   auto made = std::make_shared<Panels>(panels_size_);
-  std::vector<Update> updates;  // of children whose parents have not come yet: a stack
+  // A stack of updates whose parents have not come yet: column-major, leading dimension 3 × rows
+  // below. Memory of its own for each would cost as much as a fifth of the factorisation.
+  const auto updates = std::make_unique_for_overwrite<double[]>(most_waiting_);
+  double* updates_end = updates.get();
+  std::vector<std::size_t> waiting;                       // their supernodes
   std::vector<std::int32_t> place(pattern_->size(), -1);  // block row in the front
   std::vector<double> front;
+  front.reserve(largest_front_);
   for (std::size_t s = 0; s < symbolic_->supernodes.size(); ++s) {
     const Supernode& node = symbolic_->supernodes[s];
     const int n = rows_of(node);
@@ -90,14 +105,14 @@ bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
     }
 
     // what its children leave
-    while (!updates.empty() &&
-           symbolic_->supernodes[updates.back().supernode].parent == static_cast<std::int32_t>(s)) {
-      const Update& update = updates.back();
-      const auto& rows = symbolic_->supernodes[update.supernode].rows_below;
+    for (; !waiting.empty() && is_child(waiting.back(), s); waiting.pop_back()) {
+      const Supernode& child = symbolic_->supernodes[waiting.back()];
+      const auto& rows = child.rows_below;
       const std::size_t m = 3 * rows.size();
+      updates_end -= update_size(child);
       for (std::size_t bj = 0; bj < rows.size(); ++bj) {
         for (std::size_t b = 0; b < 3; ++b) {
-          const double* from = update.values.data() + (3 * bj + b) * m;
+          const double* from = updates_end + (3 * bj + b) * m;
           double* to = front.data() + (3 * static_cast<std::size_t>(place[rows[bj]]) + b) * ld;
           for (std::size_t bi = bj; bi < rows.size(); ++bi) {
             double* at = to + 3 * static_cast<std::size_t>(place[rows[bi]]);
@@ -107,21 +122,17 @@ bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
           }
         }
       }
-      updates.pop_back();
     }
 
     if (!partial_cholesky(front.data(), n, pivots)) return false;
-    if (!node.rows_below.empty()) {
-      Update update{.supernode = s, .values = {}};
-      const auto m = static_cast<std::size_t>(n - pivots);
-      update.values.resize(m * m);
-      for (std::size_t j = 0; j < m; ++j) {
-        const double* from = front.data() + (static_cast<std::size_t>(pivots) + j) * ld +
-                             static_cast<std::size_t>(pivots);
-        std::copy(from + j / 3 * 3, from + m, update.values.data() + j * m + j / 3 * 3);
-      }
-      updates.push_back(std::move(update));
+    const auto m = static_cast<std::size_t>(n - pivots);
+    for (std::size_t j = 0; j < m; ++j) {
+      const double* from = front.data() + (static_cast<std::size_t>(pivots) + j) * ld +
+                           static_cast<std::size_t>(pivots);
+      std::copy(from + j / 3 * 3, from + m, updates_end + j * m + j / 3 * 3);
     }
+    waiting.push_back(s);
+    updates_end += update_size(node);
     invert_pivots(front.data(), n, pivots);
     std::transform(front.begin(), front.begin() + static_cast<std::ptrdiff_t>(ld) * pivots,
                    made->begin() + static_cast<std::ptrdiff_t>(panel_starts_[s]),

@@ -65,13 +65,18 @@ class BlockCholesky {
   [[nodiscard]] const Scalar* panel(std::size_t s) const {
     return panels_->data() + panel_starts_[s];
   }
+  [[nodiscard]] bool is_child(std::size_t supernode, std::size_t of) const {
+    return symbolic_->supernodes[supernode].parent == static_cast<std::int32_t>(of);
+  }
   void solve_reached(std::vector<char> is_reached);
 
   const BlockPattern* pattern_;
   std::shared_ptr<const SymbolicFactor> symbolic_;
   std::shared_ptr<const Panels> panels_;
   std::size_t panels_size_ = 0;
-  std::size_t widest_ = 0;  // padded rows of a supernode
+  std::size_t widest_ = 0;         // padded rows of a supernode
+  std::size_t largest_front_ = 0;  // in factor(), numbers
+  std::size_t most_waiting_ = 0;   // at once, numbers of updates
   std::vector<std::size_t> panel_starts_;
   std::vector<Scalar> solution_;  // in order of elimination
   std::vector<Scalar> work_;      // of one supernode
