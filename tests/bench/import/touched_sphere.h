@@ -155,8 +155,8 @@ class SlowTouch {
 
  private:
   static constexpr double kStep_s = 0.02;
-  static constexpr double kWay_m = 1e-3;  // of a step: 15 mm/s
-  static constexpr double kAtRest = 2e-4;   // of the force, in a step
+  static constexpr double kWay_m = 1e-3;   // of a step: 50 mm/s
+  static constexpr double kAtRest = 2e-4;  // of the force, in a step
   static constexpr int kMostRestSteps = 200;
 
   void go_to(const Vector3& tip_m) {
