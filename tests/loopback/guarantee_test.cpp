@@ -84,7 +84,7 @@ TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAnyPhysicsNetworkOrScheduler) {
 
 // In these the monitor's account and the clamp's came apart when each went by its own: they close
 // their windows at other readings once one of them ends exactly at its limit, or after a gap. In
-// the last one a deadline was rounded up by half a nanosecond, in which 4 W act.
+// the last one a deadline was rounded up by part of a nanosecond, in which 4 W act.
 TEST(GuaranteeOfTheMonitor, NothingOfAnHonestClampIsReducedThoughTheirAccountsDiffer) {
   for (const std::uint64_t seed :
        {494785U, 96861U, 99882U, 753777U, 516551U, 59836U, 629797U, 104161U, 557623U}) {

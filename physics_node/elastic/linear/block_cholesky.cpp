@@ -40,6 +40,7 @@ BlockCholesky<Scalar>::BlockCholesky(const BlockPattern& pattern,
       waiting_size -= update_size(symbolic_->supernodes[waiting.back()]);
       waiting.pop_back();
     }
+    if (node.rows_below.empty()) continue;  // no parent waits for it
     waiting.push_back(s);
     waiting_size += update_size(node);
     most_waiting_ = std::max(most_waiting_, waiting_size);
@@ -131,7 +132,7 @@ bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
                            static_cast<std::size_t>(pivots);
       std::copy(from + j / 3 * 3, from + m, updates_end + j * m + j / 3 * 3);
     }
-    waiting.push_back(s);
+    if (!node.rows_below.empty()) waiting.push_back(s);
     updates_end += update_size(node);
     invert_pivots(front.data(), n, pivots);
     std::transform(front.begin(), front.begin() + static_cast<std::ptrdiff_t>(ld) * pivots,
